@@ -1,0 +1,33 @@
+.PHONY: help dev fmt lint test-rust test check bench
+
+PYTHON ?= python
+
+help: ## list the targets
+	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/:/' | column -t -s:
+
+dev: ## install the package and all tools into the current environment
+	$(PYTHON) -m pip install '.[test,lint,demo,bench]'
+
+fmt: ## format Rust and Python
+	cargo fmt --all
+	ruff format .
+	ruff check --fix .
+
+lint: ## formatters, linters, types and stubs; needs `make dev`
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets -- --deny warnings
+	ruff format --check .
+	ruff check .
+	mypy
+	cd tests && $(PYTHON) -m mypy.stubtest algdiff --ignore-disjoint-bases
+
+test-rust: ## tests of the core
+	cargo test --workspace
+
+test: ## the README's test command: install, then test
+	$(PYTHON) -m pip install '.[test]' && $(PYTHON) -m pytest
+
+check: dev lint test-rust test ## all that continuous integration does
+
+bench: ## speed against SciPy and NumPy, with the results checked first
+	$(PYTHON) benches/peers.py

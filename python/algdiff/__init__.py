@@ -1,0 +1,34 @@
+"""Derivatives of noisy sampled signals by algebraic (Jacobi) differentiators.
+
+The estimator of order ``deriv`` is the derivative, at the point ``tau`` of a sliding window, of the polynomial of degree
+``degree`` fitted with the weight ``tau**kappa * (1 - tau)**mu``. Savitzky-Golay is the member ``kappa = mu = 0``.
+
+>>> import numpy as np
+>>> import algdiff
+>>> t = np.arange(0, 2, 0.01)
+>>> velocity = algdiff.differentiate(np.sin(t), 21, delta=0.01)
+>>> float(np.abs(velocity - np.cos(t)).max()) < 1e-4
+True
+"""
+
+from importlib.metadata import version as _version
+
+from algdiff._core import InternalError
+from algdiff._differentiator import DesignWarning, Differentiator, differentiate
+from algdiff._gradient import gradient
+from algdiff._kernel import Kernel
+from algdiff._savgol import savgol_coeffs, savgol_filter
+
+__version__ = _version("algdiff-rs")
+
+__all__ = [
+    "DesignWarning",
+    "Differentiator",
+    "InternalError",
+    "Kernel",
+    "__version__",
+    "differentiate",
+    "gradient",
+    "savgol_coeffs",
+    "savgol_filter",
+]

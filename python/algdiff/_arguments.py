@@ -1,0 +1,125 @@
+"""What callers hand over, made into what the core takes, or refused by name."""
+
+import operator
+import os
+import sys
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+Samples = NDArray[Any]
+
+
+def integer(name: str, value: object, least: int) -> int:
+    """Return `value` as an integer of at least `least`."""
+    try:
+        if isinstance(value, (bool, np.bool_)):
+            raise TypeError
+        number = operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        raise TypeError(f"{name} must be an integer, got {value!r}") from None
+    if not least <= number <= sys.maxsize:
+        raise ValueError(f"{name} must be an integer of at least {least}, got {number}")
+    return number
+
+
+def real(name: str, value: object) -> float:
+    """Return `value` as a float."""
+    try:
+        if isinstance(value, (str, bytes, bool, np.bool_)):
+            raise TypeError
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        raise TypeError(f"{name} must be a real number, got {value!r}") from None
+
+
+def word_or_real(name: str, value: object) -> str | float:
+    """Return a word as it is and anything else as a float."""
+    return value if isinstance(value, str) else real(name, value)
+
+
+def sampling_step(delta: object, fs: object) -> float:
+    """Return the sampling step from at most one of `delta` and `fs`."""
+    if fs is None:
+        return 1.0 if delta is None else real("delta", delta)
+    if delta is not None:
+        raise ValueError(f"give delta or fs, not both: got delta = {delta!r} and fs = {fs!r}")
+    rate = real("fs", fs)
+    if not 0 < rate < float("inf"):
+        raise ValueError(f"fs must be finite and positive, got {rate}")
+    return 1.0 / rate
+
+
+def thread_count(threads: object) -> int:
+    """Return the number of threads to use; 0 leaves it to the core."""
+    if threads is not None:
+        return integer("threads", threads, 1)
+    wanted = os.environ.get("ALGDIFF_NUM_THREADS", "")
+    if not wanted:
+        return 0
+    if not (wanted.isdecimal() and int(wanted) > 0):
+        raise ValueError(f"ALGDIFF_NUM_THREADS must be a positive integer, got {wanted!r}")
+    return int(wanted)
+
+
+def axis_index(axis: object, ndim: int) -> int:
+    """Return `axis` counted from the front."""
+    try:
+        index = operator.index(axis)  # type: ignore[arg-type]
+    except TypeError:
+        raise TypeError(f"axis must be an integer, got {axis!r}") from None
+    if not -ndim <= index < ndim:
+        raise ValueError(f"axis must be from {-ndim} to {ndim - 1} for {ndim} dimensions, got {index}")
+    return index % ndim
+
+
+def samples(name: str, values: ArrayLike) -> Samples:
+    """Return `values` as a native array of float32, float64, complex64 or complex128.
+
+    float32 and complex64 stay what they are; every other number becomes float64 or complex128. The array may be any
+    view: `contiguous` copies what the core cannot read in place.
+    """
+    if isinstance(values, np.ma.MaskedArray):
+        if np.ma.is_masked(values):
+            raise TypeError(f"{name} is a masked array with masked values: fill them, or split {name} at the gaps")
+        values = np.ma.getdata(values)
+    if hasattr(values, "magnitude") or (hasattr(values, "unit") and hasattr(values, "value")):
+        raise TypeError(f"{name} carries units, which would be lost: pass its plain numbers and scale the result")
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise ValueError(f"{name} must be an array of numbers: {error}") from None
+    if array.dtype.kind not in "fiubc":
+        raise TypeError(f"{name} must hold real or complex numbers, got dtype {array.dtype}")
+    if array.ndim == 0:
+        raise ValueError(f"{name} must have at least one dimension, got a scalar")
+    return array.astype(_working_dtype(array.dtype), copy=False)
+
+
+def _working_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    if dtype.kind == "c":
+        return np.dtype(np.complex64 if dtype.itemsize == 8 else np.complex128)
+    return np.dtype(np.float32 if dtype.kind == "f" and dtype.itemsize == 4 else np.float64)
+
+
+def contiguous(array: Samples) -> Samples:
+    """Return `array` flat, contiguous and aligned, copied only if it is not so already."""
+    return np.require(array, requirements=["C", "A"]).reshape(-1)
+
+
+def output(out: object, shape: tuple[int, ...], dtype: DTypeLike, x: Samples) -> Samples:
+    """Return `out` if the result can be written to it, or a new array."""
+    if out is None:
+        return np.empty(shape, dtype)
+    if not isinstance(out, np.ndarray):
+        raise TypeError(f"out must be an array, got {type(out).__name__}")
+    if out.shape != shape:
+        raise ValueError(f"out must have shape {shape}, got {out.shape}")
+    if out.dtype != dtype:
+        raise TypeError(f"out must have dtype {np.dtype(dtype)}, got {out.dtype}")
+    if not out.flags.writeable:
+        raise ValueError("out must be writeable, got a read-only array")
+    if np.may_share_memory(out, x):
+        raise ValueError("out must not overlap x, got arrays that may share memory")
+    return out

@@ -1,0 +1,398 @@
+"""Differentiation by a sliding window: a function for once, an object for again."""
+
+import math
+import sys
+import warnings
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from algdiff import _arguments as arguments
+from algdiff._arguments import Samples
+from algdiff._core import Plan
+from algdiff._kernel import Kernel
+from algdiff._run import Progress, run
+
+
+class DesignWarning(UserWarning):
+    """A design that works, but not as its user may expect."""
+
+
+class Differentiator:
+    r"""A frozen design: one window, its weights and what they do to signal and noise.
+
+    Every output is the derivative of order `deriv`, at the point `tau` of its window, of the polynomial of degree `degree`
+    fitted to the window by least squares with the weight :math:`\tau^\kappa (1 - \tau)^\mu` (Mboup, Join and Fliess 2007).
+    ``kappa = mu = 0`` is the Savitzky-Golay filter. Use `differentiate` to do it once.
+
+    Parameters
+    ----------
+    window_length : int
+        Number of samples in the window, from ``degree + 1`` to 10,000,000; even or odd.
+    deriv : int
+        Order of the derivative; 0 smooths.
+    degree : int, optional
+        Degree of the local polynomial, from `deriv` to 500; default ``deriv + 2``.
+    kappa, mu : float
+        Exponents of the weight at the oldest and the newest end of the window, greater than -1.
+    tau : {"center", "root", "newest"} or float, optional
+        Point of estimation in the window: 0 is its oldest, 1 its newest end. "center" (the default) is 1/2, "root" the point
+        nearest to the newest sample at which one more degree is reproduced, "newest" the newest sample itself. Numbers
+        above 1 predict.
+    delay : float, optional
+        Instead of `tau`: the time from the estimate to the newest sample, in the unit of `delta`.
+    delta : float, optional
+        Sampling step, positive; default 1.
+    fs : float, optional
+        Instead of `delta`: the sampling rate, ``1 / delta``.
+    rule : {"exact", "trapezoid"}
+        How the continuous kernel becomes weights. "exact": the fit on the samples themselves, which lie at
+        ``tau_j = (j + 1/2) / window_length``, with T = ``window_length * delta``. "trapezoid": the rule of the 2007 paper,
+        with samples at ``tau_j = j / (window_length - 1)``; it leaks offsets and is kept for reproduction.
+
+    Attributes
+    ----------
+    window_length, deriv, degree, kappa, mu, tau, delay, delta, fs, rule
+        The arguments; `tau` as a number, `delay` in the unit of `delta`.
+    delay_samples : float
+        Samples from the estimate to the newest sample of the window.
+    weights : ndarray of shape (window_length,)
+        Oldest sample first, in units of ``1 / delta**deriv``: ``weights @ x[i : i + window_length]`` is the estimate. Read-only.
+    noise_gain : float
+        Sum of the squared weights: variance of the estimate over variance of white noise in the samples.
+    exactness : int
+        Polynomials up to this degree are differentiated exactly at `tau`; -1 if not even a constant is ("trapezoid").
+    kernel : Kernel
+        The continuous kernel that the weights discretise.
+
+    Raises
+    ------
+    ValueError
+        An argument is outside of what it may be, two exclude each other, or the degree is so high for the window that the
+        weights miss their moments by more than 1e-10.
+    TypeError
+        An argument is of the wrong type.
+    MemoryError
+        The weights do not fit into memory.
+
+    Warns
+    -----
+    DesignWarning
+        The degree exceeds ``1.5 * sqrt(window_length)``: from there on the noise gain grows steeply.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from algdiff import Differentiator
+    >>> d = Differentiator(5, degree=2, kappa=0, mu=0, delta=0.1)
+    >>> d.weights.round(9)
+    array([-2., -1.,  0.,  1.,  2.])
+    >>> d.delay_samples, d.exactness
+    (2.0, 2)
+    >>> t = np.arange(0, 1, 0.1)
+    >>> d(t**2).round(9)
+    array([0. , 0.2, 0.4, 0.6, 0.8, 1. , 1.2, 1.4, 1.6, 1.8])
+    """
+
+    __slots__ = ("_plan", "_weights", "degree", "delta", "deriv", "kappa", "mu", "rule", "tau", "window_length")
+
+    window_length: int
+    deriv: int
+    degree: int
+    kappa: float
+    mu: float
+    tau: float
+    delta: float
+    rule: str
+
+    def __init__(
+        self,
+        window_length: int,
+        deriv: int = 1,
+        *,
+        degree: int | None = None,
+        kappa: float = 1.0,
+        mu: float = 1.0,
+        tau: float | str | None = None,
+        delay: float | None = None,
+        delta: float | None = None,
+        fs: float | None = None,
+        rule: str = "exact",
+    ) -> None:
+        self._build(window_length, deriv, degree, kappa, mu, tau, delay, arguments.sampling_step(delta, fs), rule)
+        if self.degree > 1.5 * math.sqrt(self.window_length):
+            message = (
+                f"degree {self.degree} exceeds 1.5 sqrt(window_length) = {1.5 * math.sqrt(self.window_length):.3g}: "
+                f"noise is amplified, the noise gain is {self.noise_gain:.3g}"
+            )
+            warnings.warn(message, DesignWarning, stacklevel=_outside())
+
+    def _build(
+        self,
+        window_length: int,
+        deriv: int,
+        degree: int | None,
+        kappa: float,
+        mu: float,
+        tau: float | str | None,
+        delay: float | None,
+        delta: float,
+        rule: str,
+    ) -> None:
+        if tau is not None and delay is not None:
+            raise ValueError(f"give tau or delay, not both: got tau = {tau!r} and delay = {delay!r}")
+        if not isinstance(rule, str):
+            raise TypeError(f"rule must be a word, got {rule!r}")
+        deriv = arguments.integer("deriv", deriv, 0)
+        values: dict[str, Any] = {
+            "window_length": arguments.integer("window_length", window_length, 1),
+            "deriv": deriv,
+            "degree": deriv + 2 if degree is None else arguments.integer("degree", degree, 0),
+            "kappa": arguments.real("kappa", kappa),
+            "mu": arguments.real("mu", mu),
+            "delta": delta,
+            "rule": rule,
+        }
+        if delay is not None:
+            plan = Plan(**values, delay=arguments.real("delay", delay))
+        else:
+            plan = Plan(**values, tau="center" if tau is None else arguments.word_or_real("tau", tau))
+        weights = np.empty(values["window_length"])
+        plan.weights(weights)
+        weights.flags.writeable = False
+        for name, value in {**values, "tau": plan.tau, "_plan": plan, "_weights": weights}.items():
+            object.__setattr__(self, name, value)
+
+    def __call__(
+        self,
+        x: ArrayLike,
+        axis: int = -1,
+        *,
+        mode: str = "fit",
+        cval: complex = 0.0,
+        out: Samples | None = None,
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> Samples:
+        """Differentiate `x` along `axis`.
+
+        Parameters
+        ----------
+        x : array_like
+            Samples, `delta` apart along `axis`. float32 and complex64 are computed in single, everything else in double
+            precision; complex data as two real passes. Not changed, and not to be changed by others during the call.
+        axis : int
+            The axis of time.
+        mode : {"fit", "valid", "nan", "nearest", "mirror", "wrap", "constant"}
+            "valid" gives the estimates of all whole windows, ``window_length - 1`` fewer than samples: output `j` belongs
+            to the samples from `j` on and to the point `tau` of their window. In all other modes output `i` is the estimate
+            at the time of sample `i`; should `tau` lie between two samples (an even window at its center, most roots), it is
+            moved to the nearest. Near the ends, where a window around the sample would reach beyond the data, "fit" takes
+            the first or last whole window and moves `tau` in it to the sample, so that polynomials of the degree are
+            reproduced to both ends; "nan" gives NaN; and the others extend the data, with their last value, mirrored at the
+            last sample, periodically, or with `cval`.
+        cval : float
+            The value beyond the data in mode "constant".
+        out : ndarray, optional
+            Where the result goes: of its shape and dtype, not overlapping `x`.
+        threads : int, optional
+            At most this many threads; by default ``ALGDIFF_NUM_THREADS`` or the processors of the process. The result is the
+            same to the bit.
+        progress : callable, optional
+            Called now and then with the fraction that is done.
+
+        Returns
+        -------
+        ndarray
+            The estimates, in the unit of `x` over that of ``delta**deriv``. A NaN in `x` makes every estimate NaN whose
+            window contains it, and no other; so does an infinity if ``deriv > 0``.
+
+        Raises
+        ------
+        ValueError
+            `x` has fewer samples than the window (modes "fit", "valid" and "nan"), `axis` or `mode` does not exist, or `out`
+            has the wrong shape, is read-only or overlaps `x`.
+        TypeError
+            `x` does not hold numbers, has masked values or carries units, or `out` has another dtype.
+        MemoryError
+            The result does not fit into memory.
+        """
+        options: dict[str, Any] = {"mode": mode, "cval": cval, "out": out, "threads": threads, "progress": progress}
+        return run(self._plan, self.window_length, x, axis=axis, **options)
+
+    @property
+    def delay(self) -> float:
+        """Time from the estimate to the newest sample of the window, in the unit of `delta`."""
+        return self.delay_samples * self.delta
+
+    @property
+    def delay_samples(self) -> float:
+        """Samples from the estimate to the newest sample of the window."""
+        return self._plan.delay_samples
+
+    @property
+    def fs(self) -> float:
+        """Sampling rate."""
+        return 1.0 / self.delta
+
+    @property
+    def weights(self) -> NDArray[np.float64]:
+        """Weights, oldest sample first."""
+        return self._weights
+
+    @property
+    def noise_gain(self) -> float:
+        """Sum of the squared weights."""
+        return float(self._weights @ self._weights)
+
+    @property
+    def exactness(self) -> int:
+        """Polynomials up to this degree are differentiated exactly at `tau`; -1 if none."""
+        exactness = self._plan.exactness
+        return -1 if exactness is None else exactness
+
+    @property
+    def kernel(self) -> Kernel:
+        """The continuous kernel that the weights discretise."""
+        return Kernel(self.deriv, self.degree, self.kappa, self.mu, self.tau)
+
+    def replace(self, **changes: Any) -> "Differentiator":
+        """Return a design with some arguments changed; `delay` replaces `tau`, and `fs` replaces `delta`.
+
+        Parameters
+        ----------
+        **changes
+            Arguments of `Differentiator` by name.
+
+        Examples
+        --------
+        >>> from algdiff import Differentiator
+        >>> Differentiator(21, delta=0.1).replace(window_length=41).window_length
+        41
+        """
+        values = dict(zip(self._names, self._key, strict=True))
+        if changes.get("delay") is not None:
+            del values["tau"]
+        if changes.get("fs") is not None:
+            del values["delta"]
+        return Differentiator(**{**values, **changes})
+
+    _names = ("window_length", "deriv", "degree", "kappa", "mu", "tau", "delta", "rule")
+
+    @property
+    def _key(self) -> tuple[Any, ...]:
+        return tuple(getattr(self, name) for name in self._names)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"a Differentiator does not change: cannot set {name}, see replace()")
+
+    def __eq__(self, other: object) -> bool:
+        return self._key == other._key if isinstance(other, Differentiator) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
+        return _rebuild, self._key
+
+    def __repr__(self) -> str:
+        words = ", ".join(f"{name}={value!r}" for name, value in zip(self._names, self._key, strict=True))
+        return f"Differentiator({words})"
+
+
+def _rebuild(*key: Any) -> Differentiator:
+    """Undo `Differentiator.__reduce__`; whoever made the design has had its warning."""
+    design = object.__new__(Differentiator)
+    *_, tau, delta, rule = key
+    design._build(*key[:5], tau, None, delta, rule)
+    return design
+
+
+def _outside() -> int:
+    """Return the stack level, seen from the caller, of the first frame outside of this file."""
+    level, frame = 1, sys._getframe(1)
+    while frame.f_back is not None and frame.f_code.co_filename == __file__:
+        level, frame = level + 1, frame.f_back
+    return level
+
+
+def differentiate(
+    x: ArrayLike,
+    window_length: int,
+    deriv: int = 1,
+    *,
+    degree: int | None = None,
+    kappa: float = 1.0,
+    mu: float = 1.0,
+    tau: float | str | None = None,
+    delay: float | None = None,
+    delta: float | None = None,
+    fs: float | None = None,
+    axis: int = -1,
+    mode: str = "fit",
+    cval: complex = 0.0,
+    rule: str = "exact",
+    out: Samples | None = None,
+    threads: int | None = None,
+) -> Samples:
+    """Differentiate noisy samples by a sliding window.
+
+    The same as ``Differentiator(window_length, deriv, ...)(x, ...)``, which says what the arguments mean. Make the object
+    yourself to use one design again, or to know its delay, noise gain and weights.
+
+    Parameters
+    ----------
+    x : array_like
+        Samples, `delta` apart along `axis`.
+    window_length : int
+        Number of samples in the window.
+    deriv : int
+        Order of the derivative; 0 smooths.
+    degree : int, optional
+        Degree of the local polynomial; default ``deriv + 2``.
+    kappa, mu : float
+        Exponents of the weight at the oldest and the newest end of the window, greater than -1.
+    tau : {"center", "root", "newest"} or float, optional
+        Point of estimation in the window; default "center".
+    delay : float, optional
+        Instead of `tau`: the time from the estimate to the newest sample.
+    delta, fs : float, optional
+        Sampling step (default 1), or sampling rate.
+    axis : int
+        The axis of time.
+    mode : {"fit", "valid", "nan", "nearest", "mirror", "wrap", "constant"}
+        What happens at the ends; "fit" goes on to the last sample, "valid" gives the whole windows only.
+    cval : float
+        The value beyond the data in mode "constant".
+    rule : {"exact", "trapezoid"}
+        How the continuous kernel becomes weights.
+    out : ndarray, optional
+        Where the result goes.
+    threads : int, optional
+        At most this many threads.
+
+    Returns
+    -------
+    ndarray
+        The estimates, in the shape of `x` (shorter along `axis` in mode "valid"), in the unit of `x` over that of
+        ``delta**deriv``; float32 and complex64 stay, everything else becomes float64 or complex128.
+
+    Raises
+    ------
+    ValueError, TypeError, MemoryError
+        See `Differentiator`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from algdiff import differentiate
+    >>> t = np.linspace(0, 1, 101)
+    >>> acceleration = differentiate(t**3, 21, deriv=2, delta=0.01)
+    >>> bool(np.allclose(acceleration, 6 * t))
+    True
+    """
+    design = Differentiator(
+        window_length, deriv, degree=degree, kappa=kappa, mu=mu, tau=tau, delay=delay, delta=delta, fs=fs, rule=rule
+    )
+    return design(x, axis, mode=mode, cval=cval, out=out, threads=threads)

@@ -1,0 +1,150 @@
+"""SciPy's Savitzky-Golay functions: the members of the family with kappa = mu = 0."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from algdiff import _arguments as arguments
+from algdiff._arguments import Samples
+from algdiff._core import Plan
+from algdiff._run import run
+
+_MODES = {mode: mode for mode in ("mirror", "nearest", "constant", "wrap")} | {"interp": "fit"}
+
+
+def savgol_filter(
+    x: ArrayLike,
+    window_length: int,
+    polyorder: int,
+    deriv: int = 0,
+    delta: float = 1.0,
+    axis: int = -1,
+    mode: str = "interp",
+    cval: float = 0.0,
+    *,
+    threads: int | None = None,
+) -> Samples:
+    """Apply a Savitzky-Golay filter: the arguments and the result of `scipy.signal.savgol_filter`.
+
+    It differs where SciPy's coefficients lose their digits (long windows, high degrees: 1601 samples and degree 5), and for
+    complex data, whose imaginary part SciPy drops. Use `differentiate` for the ends, delays and weights that SciPy lacks.
+
+    Parameters
+    ----------
+    x : array_like
+        The data; float32 and complex64 stay, everything else becomes float64 or complex128.
+    window_length : int
+        Number of coefficients; at most the size of `x` along `axis` in mode "interp". The result of an even window belongs
+        to the middle of its window, half a sample after the sample of its index, as in SciPy.
+    polyorder : int
+        Degree of the polynomial, less than `window_length`.
+    deriv : int
+        Order of the derivative.
+    delta : float
+        Sampling step, not zero; used if ``deriv > 0``.
+    axis : int
+        The axis along which to filter.
+    mode : {"interp", "mirror", "nearest", "constant", "wrap"}
+        How the ends are treated: by a polynomial fitted to the last window, or by extending the data.
+    cval : float
+        The value beyond the data in mode "constant".
+    threads : int, optional
+        At most this many threads.
+
+    Returns
+    -------
+    ndarray
+        The filtered data, in the shape of `x`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        An argument is outside of what it may be, or of the wrong type.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from algdiff import savgol_filter
+    >>> savgol_filter(np.arange(7.0) ** 2, 5, 2, deriv=1).round(9)
+    array([ 0.,  2.,  4.,  6.,  8., 10., 12.])
+    """
+    if mode not in _MODES:
+        raise ValueError(f"mode must be 'mirror', 'constant', 'nearest', 'wrap' or 'interp', got {mode!r}")
+    window_length, polyorder, deriv, step = _check(window_length, polyorder, deriv, delta)
+    plan = _plan(window_length, polyorder, min(deriv, polyorder), step, (window_length - 1) / 2)
+    options = {"mode": _MODES[mode], "half_sample": window_length % 2 == 0}
+    result = run(plan, window_length, x, axis=axis, cval=cval, threads=threads, **options)  # type: ignore[arg-type]
+    if deriv > polyorder:
+        result *= 0
+    elif step < 0 and deriv % 2:
+        np.negative(result, out=result)
+    return result
+
+
+def savgol_coeffs(
+    window_length: int,
+    polyorder: int,
+    deriv: int = 0,
+    delta: float = 1.0,
+    pos: float | None = None,
+    use: str = "conv",
+) -> NDArray[np.float64]:
+    """Compute Savitzky-Golay coefficients: the arguments and the result of `scipy.signal.savgol_coeffs`.
+
+    Parameters
+    ----------
+    window_length : int
+        Number of coefficients.
+    polyorder : int
+        Degree of the polynomial, less than `window_length`.
+    deriv : int
+        Order of the derivative; beyond `polyorder` the coefficients are zero.
+    delta : float
+        Sampling step, not zero; used if ``deriv > 0``.
+    pos : float, optional
+        Position of the estimate in the window, from 0 to less than `window_length`; by default its middle.
+    use : {"conv", "dot"}
+        Order of the coefficients: for a convolution, or for a dot product with the window.
+
+    Returns
+    -------
+    ndarray of shape (window_length,)
+
+    Raises
+    ------
+    ValueError, TypeError
+        An argument is outside of what it may be, or of the wrong type.
+
+    Examples
+    --------
+    >>> from algdiff import savgol_coeffs
+    >>> savgol_coeffs(5, 2, deriv=1).round(9)
+    array([ 0.2,  0.1,  0. , -0.1, -0.2])
+    """
+    if use not in ("conv", "dot"):
+        raise ValueError(f"use must be 'conv' or 'dot', got {use!r}")
+    window_length, polyorder, deriv, step = _check(window_length, polyorder, deriv, delta)
+    position = (window_length - 1) / 2 if pos is None else arguments.real("pos", pos)
+    if not 0 <= position < window_length:
+        raise ValueError(f"pos must be at least 0 and less than window_length = {window_length}, got {position}")
+    coefficients = np.zeros(window_length)
+    if deriv <= polyorder:
+        _plan(window_length, polyorder, deriv, step, position).weights(coefficients)
+    if step < 0 and deriv % 2:
+        np.negative(coefficients, out=coefficients)
+    return coefficients[::-1].copy() if use == "conv" else coefficients
+
+
+def _check(window_length: object, polyorder: object, deriv: object, delta: object) -> tuple[int, int, int, float]:
+    window_length = arguments.integer("window_length", window_length, 1)
+    polyorder = arguments.integer("polyorder", polyorder, 0)
+    deriv = arguments.integer("deriv", deriv, 0)
+    if polyorder >= window_length:
+        raise ValueError(f"polyorder must be less than window_length = {window_length}, got {polyorder}")
+    step = arguments.real("delta", delta)
+    if deriv and not (np.isfinite(step) and step != 0):
+        raise ValueError(f"delta must be finite and not zero, got {step}")
+    return window_length, polyorder, deriv, step if deriv else 1.0
+
+
+def _plan(window_length: int, polyorder: int, deriv: int, step: float, position: float) -> Plan:
+    return Plan(window_length, deriv, polyorder, 0.0, 0.0, abs(step), "exact", position=position)

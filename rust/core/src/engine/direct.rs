@@ -1,0 +1,164 @@
+//! Every tap of every output, in one fixed order.
+//!
+//! A tile of neighbouring outputs is held in registers while the taps go by; each tap is one broadcast for the whole tile.
+//! Multiplication and addition stay apart (no fused operation), so every CPU gives the same bits.
+
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
+)]
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::{Sample, Taps};
+use crate::error::{Error, try_vec};
+
+/// Outputs for which differences are formed at a time: with their taps they stay in the nearest caches.
+const BLOCK: usize = 4096;
+
+/// Bytes of the accumulators of a tile: eight 32-byte registers.
+const TILE_BYTES: usize = 256;
+
+/// Room for the first differences of one block.
+#[derive(Debug)]
+pub struct Scratch<T> {
+    differences: Vec<T>,
+}
+
+impl<T: Sample> Scratch<T> {
+    /// Room for the differences that `taps` need.
+    pub fn new(taps: &Taps) -> Result<Self, Error> {
+        let length = if taps.on_differences { BLOCK + taps.span() } else { 0 };
+        Ok(Self { differences: try_vec(length, T::default())? })
+    }
+}
+
+/// `out[i]` from the window that starts at `x[i]`; `x` holds `out.len() + span - 1` samples.
+pub fn apply<T: Sample>(taps: &Taps, x: &[T], out: &mut [T], scratch: &mut Scratch<T>) {
+    Arch::new().dispatch(Apply { taps, x, out, scratch });
+}
+
+struct Apply<'a, T> {
+    taps: &'a Taps,
+    x: &'a [T],
+    out: &'a mut [T],
+    scratch: &'a mut Scratch<T>,
+}
+
+impl<T: Sample> WithSimd for Apply<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        let Self { taps, x, out, scratch } = self;
+        let (coefficients, scale) = (T::taps(taps), taps.scale);
+        if !taps.on_differences {
+            correlate(coefficients, scale, x, out);
+            return;
+        }
+        for (block, start) in out.chunks_mut(BLOCK).zip((0..).step_by(BLOCK)) {
+            let length = block.len() + coefficients.len() - 1;
+            let (older, newer) = (&x[start..start + length], &x[start + 1..start + 1 + length]);
+            let differences = &mut scratch.differences[..length];
+            for ((difference, older), newer) in differences.iter_mut().zip(older).zip(newer) {
+                *difference = *newer - *older;
+            }
+            correlate(coefficients, scale, differences, block);
+        }
+    }
+}
+
+#[inline(always)]
+fn correlate<T: Sample>(taps: &[T], scale: f64, x: &[T], out: &mut [T]) {
+    // The tile's size must be known at compile time, for f64 and f32 alike.
+    let done = match TILE_BYTES / size_of::<T>() {
+        32 => tiles::<T, 32>(taps, scale, x, out),
+        _ => tiles::<T, 64>(taps, scale, x, out),
+    };
+    let done = done + tiles::<T, 8>(taps, scale, &x[done..], &mut out[done..]);
+    tiles::<T, 1>(taps, scale, &x[done..], &mut out[done..]);
+}
+
+/// Fills as many outputs as whole tiles of `N` cover, and says how many.
+#[inline(always)]
+fn tiles<T: Sample, const N: usize>(taps: &[T], scale: f64, x: &[T], out: &mut [T]) -> usize {
+    let (tiles, _) = out.as_chunks_mut::<N>();
+    for (index, tile) in tiles.iter_mut().enumerate() {
+        let mut sums = [T::default(); N];
+        let windows = x[index * N..].windows(N);
+        for (&tap, window) in taps.iter().zip(windows) {
+            for (sum, &sample) in sums.iter_mut().zip(window) {
+                *sum = *sum + tap * sample;
+            }
+        }
+        for (value, sum) in tile.iter_mut().zip(sums) {
+            *value = T::from_f64(sum.to_f64() * scale);
+        }
+    }
+    tiles.len() * N
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn signal(length: usize) -> Vec<f64> {
+        // A linear congruential generator: seeded, and rough enough to show any shift.
+        let mut state = 12_345_u64;
+        let step = |state: &mut u64| {
+            *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (*state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+        };
+        (0..length).map(|_| step(&mut state)).collect()
+    }
+
+    fn run(taps: &Taps, x: &[f64]) -> Vec<f64> {
+        let mut out = vec![f64::NAN; x.len() + 1 - taps.span()];
+        apply(taps, x, &mut out, &mut Scratch::new(taps).expect("small"));
+        out
+    }
+
+    #[test]
+    fn agrees_with_the_plain_sum() {
+        for (length, outputs) in [(1, 1), (2, 7), (5, 33), (61, 4096), (61, 4097), (200, 5000)] {
+            let weights = signal(length);
+            let x = signal(length + outputs - 1);
+            let out = run(&Taps::plain(&weights).expect("small"), &x);
+            for (i, value) in out.iter().enumerate() {
+                let expected: f64 = weights.iter().zip(&x[i..]).map(|(w, x)| w * x).sum();
+                assert!((value - expected).abs() <= 1e-16 * (length * length) as f64, "{length} {outputs} {i}");
+            }
+        }
+    }
+
+    #[test]
+    fn differences_agree_with_the_plain_sum_and_forget_the_offset() {
+        for length in [2, 3, 8, 61] {
+            let mut weights = signal(length);
+            let mean = weights.iter().sum::<f64>() / length as f64;
+            weights.iter_mut().for_each(|w| *w -= mean);
+            let taps = Taps::on_differences(&weights).expect("small");
+            assert_eq!(taps.span(), length);
+            let x = signal(300);
+            let out = run(&taps, &x);
+            for (i, value) in out.iter().enumerate() {
+                let expected: f64 = weights.iter().zip(&x[i..]).map(|(w, x)| w * x).sum();
+                assert!((value - expected).abs() <= 1e-16 * (length * length) as f64);
+            }
+            assert!(run(&taps, &vec![1e300; 300]).iter().all(|value| *value == 0.0));
+        }
+    }
+
+    #[test]
+    fn any_cut_gives_the_same_bits() {
+        let weights = signal(37);
+        let x = signal(9000);
+        for taps in [Taps::plain(&weights).expect("small"), Taps::on_differences(&weights).expect("small")] {
+            let whole = run(&taps, &x);
+            for cut in [1, 7, 31, 32, 33, 4000, 4096, 4100] {
+                let (left, right) = (run(&taps, &x[..cut + 36]), run(&taps, &x[cut..]));
+                assert!(left.iter().chain(&right).map(|v| v.to_bits()).eq(whole.iter().map(|v| v.to_bits())));
+            }
+        }
+    }
+}

@@ -1,0 +1,114 @@
+//! How the weights of a plan meet the data.
+//!
+//! Engines run on contiguous rows and know nothing of ends, axes or threads. There is one so far, [`direct`]: it adds the
+//! taps of every output in one fixed order, so that blocks, streams and threads give the same bits.
+
+pub mod direct;
+
+use crate::error::{Error, try_vec};
+
+/// The weights of a design in the form that engines apply: `out[i] = scale * sum of taps[k] s[i + k]`, where `s` is the
+/// data or their first differences.
+///
+/// The weights of a derivative sum to zero, so by summation by parts `sum w_k x_k = sum W_k (x_{k+1} - x_k)` with
+/// `W_k = -(w_0 + ... + w_k)`. On differences a constant gives exactly 0, an offset costs nothing, and W is the better
+/// conditioned kernel. `scale` is a power of two that brings the largest tap to [1/2, 1): float32 taps neither overflow nor underflow.
+#[derive(Debug)]
+pub struct Taps {
+    double: Vec<f64>,
+    single: Vec<f32>,
+    scale: f64,
+    on_differences: bool,
+}
+
+impl Taps {
+    /// Taps on the data themselves.
+    pub fn plain(weights: &[f64]) -> Result<Self, Error> {
+        let mut taps = try_vec(weights.len(), 0.0)?;
+        taps.copy_from_slice(weights);
+        Self::scaled(taps, false)
+    }
+
+    /// Taps on first differences of weights that sum to zero up to rounding.
+    ///
+    /// Each half is summed from its own end: `W_k = w_{k+1} + ... + w_{L-1}` as well, so that symmetry and the small
+    /// values at both ends are kept.
+    pub fn on_differences(weights: &[f64]) -> Result<Self, Error> {
+        let mut taps = try_vec(weights.len().saturating_sub(1), 0.0)?;
+        let half = taps.len().div_ceil(2);
+        let (old, new) = taps.split_at_mut(half);
+        accumulate(old.iter_mut().zip(weights), -1.0);
+        accumulate(new.iter_mut().rev().zip(weights.iter().rev()), 1.0);
+        Self::scaled(taps, true)
+    }
+
+    fn scaled(mut double: Vec<f64>, on_differences: bool) -> Result<Self, Error> {
+        let peak = double.iter().fold(0.0, |peak: f64, tap| peak.max(tap.abs()));
+        let (_, exponent) = libm::frexp(peak);
+        // 2^1024 is not a number; and a subnormal scale would cost the result its digits.
+        let exponent = exponent.clamp(-1022, 1023);
+        double.iter_mut().for_each(|tap| *tap = libm::ldexp(*tap, -exponent));
+        let mut single = try_vec(double.len(), 0.0)?;
+        single.iter_mut().zip(&double).for_each(|(single, double)| *single = *double as f32);
+        Ok(Self { double, single, scale: libm::ldexp(1.0, exponent), on_differences })
+    }
+
+    /// Samples that one output reads.
+    #[must_use]
+    pub fn span(&self) -> usize {
+        self.double.len() + usize::from(self.on_differences)
+    }
+}
+
+/// Running sums `sign * (w_0 + ... + w_k)` with the rounding errors carried along (Neumaier).
+fn accumulate<'a>(pairs: impl Iterator<Item = (&'a mut f64, &'a f64)>, sign: f64) {
+    let (mut sum, mut lost) = (0.0_f64, 0.0);
+    for (tap, &weight) in pairs {
+        let total = sum + weight;
+        lost += if sum.abs() >= weight.abs() { (sum - total) + weight } else { (weight - total) + sum };
+        sum = total;
+        *tap = sign * (sum + lost);
+    }
+}
+
+/// The element types that engines run in.
+pub trait Sample:
+    Copy
+    + Default
+    + Send
+    + Sync
+    + std::ops::Add<Output = Self>
+    + std::ops::Sub<Output = Self>
+    + std::ops::Mul<Output = Self>
+{
+    /// The taps in this type.
+    fn taps(taps: &Taps) -> &[Self];
+    /// The nearest value of this type.
+    fn from_f64(value: f64) -> Self;
+    /// The same value as f64.
+    fn to_f64(self) -> f64;
+}
+
+impl Sample for f64 {
+    fn taps(taps: &Taps) -> &[Self] {
+        &taps.double
+    }
+    fn from_f64(value: f64) -> Self {
+        value
+    }
+    fn to_f64(self) -> f64 {
+        self
+    }
+}
+
+impl Sample for f32 {
+    fn taps(taps: &Taps) -> &[Self] {
+        &taps.single
+    }
+    fn from_f64(value: f64) -> Self {
+        value as Self
+    }
+    fn to_f64(self) -> f64 {
+        self.into()
+    }
+}

@@ -1,0 +1,65 @@
+//! What can go wrong, in the caller's words: the argument, what it was and what it may be.
+
+use std::fmt;
+
+/// Every way in which a design or a run is refused.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Error {
+    /// An argument is outside of what it may be.
+    Argument {
+        /// The argument's public name.
+        name: &'static str,
+        /// The value that was given.
+        got: String,
+        /// What would have been accepted.
+        allowed: String,
+    },
+    /// The weights cannot reproduce polynomials of the degree to 1e-10.
+    Moments {
+        /// Degree of the fit.
+        degree: usize,
+        /// Number of samples in the window.
+        window_length: usize,
+        /// Largest moment error, relative to the largest moment.
+        residual: f64,
+    },
+    /// Memory that could not be had.
+    Memory {
+        /// Bytes asked for.
+        bytes: usize,
+    },
+    /// The caller asked to stop.
+    Interrupted,
+}
+
+impl Error {
+    /// An argument outside of what it may be.
+    pub fn argument(name: &'static str, got: impl fmt::Display, allowed: impl Into<String>) -> Self {
+        Self::Argument { name, got: got.to_string(), allowed: allowed.into() }
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Argument { name, got, allowed } => write!(f, "{name} must be {allowed}, got {got}"),
+            Self::Moments { degree, window_length, residual } => write!(
+                f,
+                "degree {degree} is too high for window_length {window_length}: the weights miss the moments by \
+                 {residual:.1e} (allowed 1e-10); use a longer window or a lower degree"
+            ),
+            Self::Memory { bytes } => write!(f, "could not allocate {bytes} bytes"),
+            Self::Interrupted => write!(f, "interrupted"),
+        }
+    }
+}
+
+impl std::error::Error for Error {}
+
+/// A vector of `len` copies of `value`, or [`Error::Memory`] where `vec!` would abort the process.
+pub fn try_vec<T: Clone>(len: usize, value: T) -> Result<Vec<T>, Error> {
+    let mut vec = Vec::new();
+    vec.try_reserve_exact(len).map_err(|_| Error::Memory { bytes: len.saturating_mul(size_of::<T>()) })?;
+    vec.resize(len, value);
+    Ok(vec)
+}

@@ -1,0 +1,364 @@
+//! The weighted least-squares fit on the samples of one window: weights of an estimate, and the fitted polynomial itself.
+//!
+//! With base weights `W_j` and `V_mj = p_m(tau_j)` the discrete fit is `(V W V^T) a = V W x`, its derivative at `tau` is
+//! `sum d_m a_m` with `d_m = [d^deriv p_m](tau)`, and so the weights of an estimate are `w = W V^T (V W V^T)^-1 d`: the ones
+//! of least `sum w^2 / W` that meet the moments `V w = d`. The orthonormal basis makes `V W V^T` nearly the identity up to
+//! degrees of about 2 sqrt(window); beyond, only a QR factorisation of `sqrt(W) V^T` keeps the digits.
+
+use faer::Mat;
+
+use crate::control::Control;
+use crate::error::{Error, try_vec};
+use crate::jacobi::{Jacobi, Recurrence, ln_power};
+
+/// Rows of the basis that are formed at a time: windows up to this length keep their whole factorisation, longer ones
+/// (whose basis is always well conditioned) keep only its triangle and form the basis again, so that memory stays bounded.
+const CHUNK: usize = 4096;
+
+/// Moments that are missed by more than this, relative to the largest, make a design an error.
+const ALLOWED_RESIDUAL: f64 = 1e-10;
+
+/// Where the samples of a window lie on [0, 1].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Grid {
+    /// `(j + 1/2) / L`: every sample in the middle of its cell, T = L steps.
+    Cells,
+    /// `j / (L - 1)`: samples at both ends, T = L - 1 steps.
+    Nodes,
+}
+
+impl Grid {
+    /// Window length T in sampling steps.
+    #[must_use]
+    pub fn steps(self, window_length: usize) -> f64 {
+        match self {
+            Self::Cells => window_length as f64,
+            Self::Nodes => (window_length - 1) as f64,
+        }
+    }
+
+    /// `tau` of the sample at `position` (0 = oldest), which may lie between samples or outside of the window.
+    #[must_use]
+    pub fn tau(self, position: f64, window_length: usize) -> f64 {
+        match self {
+            Self::Cells => (position + 0.5) / window_length as f64,
+            Self::Nodes => position / (window_length - 1) as f64,
+        }
+    }
+
+    /// The position of `tau` in the window, in samples from the oldest.
+    #[must_use]
+    pub fn position(self, tau: f64, window_length: usize) -> f64 {
+        match self {
+            Self::Cells => tau * window_length as f64 - 0.5,
+            Self::Nodes => tau * (window_length - 1) as f64,
+        }
+    }
+}
+
+/// A fit of fixed degree on the samples of a window.
+#[derive(Debug)]
+pub struct Fit {
+    family: Jacobi,
+    recurrence: Recurrence,
+    grid: Grid,
+    base: Vec<f64>,
+    factor: Factor,
+}
+
+/// How `(V W V^T)^-1` is applied.
+#[derive(Debug)]
+enum Factor {
+    /// `sqrt(W) V^T = Q R`, with `sqrt(W) Q` kept: `w = (sqrt(W) Q) R^-T d`.
+    Orthogonal { scaled_q: Mat<f64>, r: Mat<f64> },
+    /// Only R kept: `w = W V^T R^-1 R^-T d`.
+    Triangle { r: Mat<f64> },
+    /// A quadrature rule, which takes `V W V^T` for the identity: the source's own discretisation.
+    Quadrature,
+}
+
+impl Fit {
+    /// The discrete least-squares fit on cells with the sampled weight `tau^kappa (1 - tau)^mu`; a negative exponent is
+    /// averaged over its cell, so that no weight is infinite.
+    pub fn least_squares(
+        family: Jacobi,
+        degree: usize,
+        window_length: usize,
+        control: &impl Control,
+    ) -> Result<Self, Error> {
+        let mut base = try_vec(window_length, 0.0)?;
+        for (j, weight) in base.iter_mut().enumerate() {
+            *weight =
+                ln_cell(j, window_length, family.alpha) + ln_cell(window_length - 1 - j, window_length, family.beta);
+        }
+        let peak = base.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        base.iter_mut().for_each(|weight| *weight = (*weight - peak).exp());
+        let sum: f64 = base.iter().sum();
+        base.iter_mut().for_each(|weight| *weight /= sum);
+        let recurrence = family.recurrence(degree);
+        let mut fit = Self { family, recurrence, grid: Grid::Cells, base, factor: Factor::Quadrature };
+        fit.factor = fit.factorise(control)?;
+        Ok(fit)
+    }
+
+    /// The trapezoidal rule on nodes for the continuous fit. Exponents must not be negative: the rule samples the ends.
+    pub fn trapezoid(family: Jacobi, degree: usize, window_length: usize) -> Result<Self, Error> {
+        for (name, exponent) in [("kappa", family.alpha), ("mu", family.beta)] {
+            if exponent < 0.0 {
+                return Err(Error::argument(
+                    name,
+                    exponent,
+                    "at least 0 with rule = 'trapezoid', which samples the singular end; use rule = 'exact'",
+                ));
+            }
+        }
+        let mut base = try_vec(window_length, 0.0)?;
+        let (last, steps) = (window_length - 1, Grid::Nodes.steps(window_length));
+        for (j, weight) in base.iter_mut().enumerate() {
+            let share = if j == 0 || j == last { 0.5 } else { 1.0 };
+            *weight = share / steps * family.ln_density(j as f64 / steps, (last - j) as f64 / steps).exp();
+        }
+        let recurrence = family.recurrence(degree);
+        Ok(Self { family, recurrence, grid: Grid::Nodes, base, factor: Factor::Quadrature })
+    }
+
+    /// Number of samples in the window.
+    #[must_use]
+    pub fn window_length(&self) -> usize {
+        self.base.len()
+    }
+
+    /// Degree of the fit.
+    #[must_use]
+    pub fn degree(&self) -> usize {
+        self.recurrence.degree()
+    }
+
+    /// Weights whose moments are `moments`, and the largest moment error relative to the largest moment.
+    pub fn weights(&self, moments: &[f64], control: &impl Control) -> Result<(Vec<f64>, f64), Error> {
+        let scale = moments.iter().fold(0.0, |peak: f64, d| peak.max(d.abs()));
+        let mut weights = try_vec(self.window_length(), 0.0)?;
+        self.add_weights(moments, &mut weights, control)?;
+        let mut missing = self.missing_moments(moments, &weights, control)?;
+        let mut residual = relative(&missing, scale);
+        if let Factor::Quadrature = self.factor {
+            return Ok((weights, residual));
+        }
+        while residual > f64::EPSILON {
+            let mut refined = try_vec(weights.len(), 0.0)?;
+            refined.copy_from_slice(&weights);
+            self.add_weights(&missing, &mut refined, control)?;
+            let rest = self.missing_moments(moments, &refined, control)?;
+            let better = relative(&rest, scale);
+            if better.is_nan() || better >= residual {
+                break;
+            }
+            let done = better > 0.5 * residual;
+            (weights, missing, residual) = (refined, rest, better);
+            if done {
+                break;
+            }
+        }
+        if residual <= ALLOWED_RESIDUAL {
+            return Ok((weights, residual));
+        }
+        Err(Error::Moments { degree: self.degree(), window_length: self.window_length(), residual })
+    }
+
+    /// How far the moments `V w` of the given weights fall short of `moments`.
+    pub fn missing_moments(&self, moments: &[f64], weights: &[f64], control: &impl Control) -> Result<Vec<f64>, Error> {
+        let mut missing = moments.to_vec();
+        self.for_each_chunk(control, |start, columns| {
+            for (rest, column) in missing.iter_mut().zip(columns) {
+                *rest -= dot(column, &weights[start..start + column.len()]);
+            }
+        })?;
+        Ok(missing)
+    }
+
+    /// Coefficients, in the orthonormal basis, of the polynomial fitted to the window `x`.
+    pub fn coefficients(&self, x: &[f64], control: &impl Control) -> Result<Vec<f64>, Error> {
+        if let Factor::Orthogonal { scaled_q, r } = &self.factor {
+            let mut solution: Vec<f64> =
+                scaled_q.col_iter().map(|q| q.iter().zip(x).map(|(q, x)| q * x).sum()).collect();
+            solve_upper(r, &mut solution);
+            return Ok(solution);
+        }
+        let mut projection = vec![0.0; self.degree() + 1];
+        self.for_each_chunk(control, |start, columns| {
+            for (sum, column) in projection.iter_mut().zip(columns) {
+                let window = self.base[start..].iter().zip(&x[start..]);
+                *sum += column.iter().zip(window).map(|(p, (w, x))| p * (w * x)).sum::<f64>();
+            }
+        })?;
+        self.solve_normal(&mut projection);
+        Ok(projection)
+    }
+
+    /// The `deriv`-th derivative, for T = 1, of the polynomial with the given coefficients, as a function of the position
+    /// in samples from the oldest.
+    pub fn derivative(&self, coefficients: &[f64], deriv: usize) -> impl Fn(f64) -> f64 + use<> {
+        let (grid, length) = (self.grid, self.window_length());
+        let lower = self.family.raised(deriv).recurrence(self.degree() - deriv);
+        let factors = self.family.derivative_factors(self.degree(), deriv);
+        let scaled: Vec<f64> = factors.iter().zip(&coefficients[deriv..]).map(|(factor, a)| factor * a).collect();
+        move |position| lower.sum(&scaled, grid.tau(position, length))
+    }
+
+    /// `weights += W V^T (V W V^T)^-1 moments`.
+    fn add_weights(&self, moments: &[f64], weights: &mut [f64], control: &impl Control) -> Result<(), Error> {
+        let mut solution = moments.to_vec();
+        if let Factor::Orthogonal { scaled_q, r } = &self.factor {
+            solve_lower(r, &mut solution);
+            for (q, factor) in scaled_q.col_iter().zip(solution) {
+                weights.iter_mut().zip(q.iter()).for_each(|(w, q)| *w += factor * q);
+            }
+            return Ok(());
+        }
+        self.solve_normal(&mut solution);
+        self.for_each_chunk(control, |start, columns| {
+            for (offset, (weight, base)) in weights[start..].iter_mut().zip(&self.base[start..]).take(CHUNK).enumerate()
+            {
+                *weight += base * columns.iter().zip(&solution).map(|(column, c)| c * column[offset]).sum::<f64>();
+            }
+        })
+    }
+
+    fn solve_normal(&self, rhs: &mut [f64]) {
+        if let Factor::Triangle { r } = &self.factor {
+            solve_lower(r, rhs);
+            solve_upper(r, rhs);
+        }
+    }
+
+    /// Calls `body(start, columns)` with `columns[m][j] = p_m(tau_{start + j})` for one chunk of the window after another.
+    fn for_each_chunk(&self, control: &impl Control, mut body: impl FnMut(usize, &[Vec<f64>])) -> Result<(), Error> {
+        let length = self.window_length();
+        let mut columns = vec![Vec::new(); self.degree() + 1];
+        for start in (0..length).step_by(CHUNK) {
+            if start > 0 && !control.proceed(0.0) {
+                return Err(Error::Interrupted);
+            }
+            let tau: Vec<f64> = (start..length.min(start + CHUNK)).map(|j| self.grid.tau(j as f64, length)).collect();
+            self.recurrence.fill(&tau, &mut columns);
+            body(start, &columns);
+        }
+        Ok(())
+    }
+
+    /// QR of `sqrt(W) V^T`, whole or chunk by chunk with the triangle of the chunks before on top.
+    fn factorise(&self, control: &impl Control) -> Result<Factor, Error> {
+        let (size, length) = (self.degree() + 1, self.window_length());
+        if length <= CHUNK {
+            let mut columns = Vec::new();
+            self.for_each_chunk(control, |_, chunk| columns = chunk.to_vec())?;
+            let root: Vec<f64> = self.base.iter().map(|w| w.sqrt()).collect();
+            let qr = Mat::from_fn(length, size, |j, m| root[j] * columns[m][j]).qr();
+            let mut scaled_q = qr.compute_thin_Q();
+            for column in scaled_q.col_iter_mut() {
+                column.iter_mut().zip(&root).for_each(|(q, root)| *q *= root);
+            }
+            return Ok(Factor::Orthogonal { scaled_q, r: qr.thin_R().to_owned() });
+        }
+        let mut r: Mat<f64> = Mat::zeros(0, size);
+        self.for_each_chunk(control, |start, columns| {
+            let above = r.nrows();
+            let stacked = Mat::from_fn(above + columns[0].len(), size, |row, m| {
+                if row < above { r[(row, m)] } else { self.base[start + row - above].sqrt() * columns[m][row - above] }
+            });
+            let qr = stacked.qr();
+            r = Mat::from_fn(
+                size.min(stacked.nrows()),
+                size,
+                |row, m| if row <= m { qr.thin_R()[(row, m)] } else { 0.0 },
+            );
+        })?;
+        Ok(Factor::Triangle { r })
+    }
+}
+
+/// `ln` of the weight of cell `j` of `window_length` at an end with this exponent: the value at the middle of the cell, or
+/// for a negative exponent the mean over the cell, `((j+1)^(e+1) - j^(e+1)) / ((e+1) L^e)` without its cancellation.
+fn ln_cell(j: usize, window_length: usize, exponent: f64) -> f64 {
+    let (j, length) = (j as f64, window_length as f64);
+    if exponent >= 0.0 {
+        return ln_power((j + 0.5) / length, exponent);
+    }
+    let power = exponent + 1.0;
+    let mean = if j == 0.0 { 1.0 } else { j.powf(power) * (power * j.recip().ln_1p()).exp_m1() };
+    (mean / power).ln() - exponent * length.ln()
+}
+
+fn relative(missing: &[f64], scale: f64) -> f64 {
+    // Not a plain maximum: it would pass over NaN.
+    missing.iter().map(|r| r.abs() / scale).fold(0.0, |peak, r| if r <= peak { peak } else { r })
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+fn solve_upper(r: &Mat<f64>, rhs: &mut [f64]) {
+    r.solve_upper_triangular_in_place(faer::ColMut::from_slice_mut(rhs).as_mat_mut());
+}
+
+fn solve_lower(r: &Mat<f64>, rhs: &mut [f64]) {
+    r.transpose().solve_lower_triangular_in_place(faer::ColMut::from_slice_mut(rhs).as_mat_mut());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Unattended;
+
+    #[test]
+    fn long_windows_take_the_other_path_to_the_same_weights() {
+        // The same fit, once with its whole factorisation and once by its triangle alone.
+        let family = Jacobi { alpha: 0.5, beta: 1.0 };
+        let whole = Fit::least_squares(family, 4, 3000, &Unattended).expect("fits");
+        let Factor::Orthogonal { r, .. } = &whole.factor else { panic!("a short window keeps its Q") };
+        let triangle = Fit {
+            family,
+            recurrence: family.recurrence(4),
+            grid: Grid::Cells,
+            base: whole.base.clone(),
+            factor: Factor::Triangle { r: r.clone() },
+        };
+        let moments = family.derivatives(4, 1, 0.7);
+        let (expected, _) = whole.weights(&moments, &Unattended).expect("meets its moments");
+        let (weights, _) = triangle.weights(&moments, &Unattended).expect("meets its moments");
+        let peak = expected.iter().fold(0.0, |peak: f64, w| peak.max(w.abs()));
+        for (w, e) in weights.iter().zip(&expected) {
+            assert!((w - e).abs() <= 1e-14 * peak);
+        }
+        let x: Vec<f64> = (0..3000).map(|j| (f64::from(j) / 3000.0).sin()).collect();
+        let (a, b) =
+            (whole.coefficients(&x, &Unattended).expect("fits"), triangle.coefficients(&x, &Unattended).expect("fits"));
+        a.iter().zip(&b).for_each(|(a, b)| assert!((a - b).abs() < 1e-14));
+    }
+
+    #[test]
+    fn long_windows_meet_their_moments() {
+        let family = Jacobi { alpha: 0.0, beta: 0.0 };
+        let fit = Fit::least_squares(family, 3, 20_001, &Unattended).expect("fits");
+        let (_, residual) = fit.weights(&family.derivatives(3, 2, 0.9), &Unattended).expect("meets its moments");
+        assert!(residual < 1e-14);
+    }
+
+    #[test]
+    fn a_degree_beyond_the_window_is_an_error() {
+        let family = Jacobi { alpha: 0.0, beta: 0.0 };
+        let fit = Fit::least_squares(family, 59, 60, &Unattended).expect("factorises");
+        let error = fit.weights(&family.derivatives(59, 1, 1.0), &Unattended).expect_err("cannot");
+        assert!(matches!(error, Error::Moments { degree: 59, window_length: 60, .. }));
+    }
+
+    #[test]
+    fn negative_exponents_average_their_cells() {
+        // sum of u_e(j) / L is the integral of tau^e: 1 / (e + 1).
+        for length in [7_usize, 1000] {
+            let sum: f64 = (0..length).map(|j| ln_cell(j, length, -0.5).exp()).sum();
+            assert!((sum / length as f64 - 2.0).abs() < 1e-13);
+        }
+    }
+}

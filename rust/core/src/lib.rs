@@ -1,0 +1,36 @@
+//! Kernels and sliding windows of algebraic (Jacobi) differentiators.
+//!
+//! The estimator of order `deriv` and degree `degree` is the `deriv`-th derivative, at the point `tau` of the window, of
+//! the least-squares polynomial of that degree fitted with the weight `tau^kappa (1 - tau)^mu`. One object carries
+//! everything, a local weighted polynomial fit:
+//!
+//! * [`jacobi`]: the orthonormal polynomials of that weight, their roots and Gauss rules;
+//! * [`kernel`]: the continuous estimator, its exactness, bias and gain;
+//! * [`fit`]: the same fit on the samples of one window;
+//! * [`plan`]: everything decided before the first sample;
+//! * [`engine`]: how the weights of a plan meet the data;
+//! * [`ends`]: what happens where the window does not lie inside the data;
+//! * [`run`]: arrays, threads and stopping on request.
+//!
+//! ```
+//! use algdiff_core::{kernel::Tau, plan::{Design, Place, Plan, Rule}, control::Unattended, run::{Alignment, Job, Layout, Mode}};
+//!
+//! let design = Design { window_length: 5, deriv: 1, degree: 2, kappa: 0.0, mu: 0.0, place: Place::Tau(Tau::Center), delta: 0.1, rule: Rule::Exact };
+//! let plan = Plan::new(&design, &Unattended)?;
+//! let x: Vec<f64> = (0..20).map(|i| (0.1 * f64::from(i)).powi(2)).collect();
+//! let mut slope = vec![0.0; 20];
+//! Job { plan: &plan, mode: Mode::Fit, alignment: Alignment::Sample, layout: Layout::row(20), threads: 1 }.run(&x, &mut slope, &Unattended)?;
+//! assert!((slope[7] - 2.0 * 0.7).abs() < 1e-12);
+//! # Ok::<(), algdiff_core::error::Error>(())
+//! ```
+
+pub mod control;
+pub mod ends;
+pub mod engine;
+pub mod error;
+pub mod fit;
+pub mod jacobi;
+pub mod kernel;
+pub mod plan;
+mod rows;
+pub mod run;

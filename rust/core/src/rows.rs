@@ -1,0 +1,245 @@
+//! One thread's part of a run: the outputs of rows and columns, their interior by the engine and their ends by the mode.
+
+use crate::control::Unattended;
+use crate::ends::Mode;
+use crate::engine::direct::{self, Scratch};
+use crate::engine::{Sample, Taps};
+use crate::error::{Error, try_vec};
+use crate::fit::Fit;
+use crate::plan::{Plan, Rule};
+use crate::run::{Layout, Progress};
+
+/// Multiplications between two looks at the stop flag: a few milliseconds.
+const SLICE: usize = 1 << 22;
+
+/// Columns that are gathered together when the differentiated axis is not the last: a cache line of them.
+const COLUMN_BYTES: usize = 64;
+
+/// Samples gathered at a time, over all columns of a group: bounds the memory for long windows.
+const GATHERED: usize = 1 << 19;
+
+/// What every thread of a run needs to know.
+#[derive(Debug, Clone, Copy)]
+pub struct Rows<'a> {
+    /// The design.
+    pub plan: &'a Plan,
+    /// Taps of the interior.
+    pub taps: &'a Taps,
+    /// The fit that estimates the ends, for [`Mode::Fit`].
+    pub fit: Option<&'a Fit>,
+    /// How the ends are treated.
+    pub mode: Mode,
+    /// Output `i` reads the window that starts at sample `i - center`.
+    pub center: isize,
+    /// The interior outputs of a row: `interior.0..interior.1`.
+    pub interior: (usize, usize),
+    /// The array.
+    pub layout: Layout,
+}
+
+impl Rows<'_> {
+    /// Outputs of one row.
+    #[must_use]
+    pub fn outputs(&self) -> usize {
+        self.layout.outputs(self.mode, self.plan.design().window_length)
+    }
+}
+
+/// One row of a contiguous array: every `step`-th sample from `first`.
+#[derive(Clone, Copy)]
+struct Row<'a, T> {
+    x: &'a [T],
+    step: usize,
+    first: usize,
+}
+
+impl<T: Copy> Row<'_, T> {
+    fn get(&self, index: usize) -> T {
+        self.x[self.first + index * self.step]
+    }
+}
+
+/// A thread's own memory, and the signal to stop.
+pub struct Worker<'a, T> {
+    rows: Rows<'a>,
+    progress: &'a Progress,
+    scratch: Scratch<T>,
+    gathered: Vec<T>,
+    results: Vec<T>,
+    window: Vec<f64>,
+}
+
+impl<'a, T: Sample> Worker<'a, T> {
+    /// Memory for one thread.
+    pub fn new(rows: Rows<'a>, progress: &'a Progress) -> Result<Self, Error> {
+        let scratch = Scratch::new(rows.taps)?;
+        Ok(Self { rows, progress, scratch, gathered: Vec::new(), results: Vec::new(), window: Vec::new() })
+    }
+
+    /// Outputs `start..` of the matrix `x` of `(samples, inner)`, as many as `out` of `(outputs, inner)` holds.
+    pub fn run(&mut self, x: &[T], start: usize, out: &mut [T], between: &mut impl FnMut()) -> Result<(), Error> {
+        let inner = self.rows.layout.inner;
+        if inner == 1 {
+            let (head, body, tail) = self.split(start, out);
+            let row = Row { x, step: 1, first: 0 };
+            self.end(row, start, head, between)?;
+            let first = start + head.len();
+            self.end(row, first + body.len(), tail, between)?;
+            let window = self.window_start(first);
+            return self.interior(&x[window..], body, between);
+        }
+        let end = start + out.len() / inner;
+        let group = (GATHERED / (end - start + self.rows.taps.span())).clamp(1, COLUMN_BYTES / size_of::<T>());
+        for column in (0..inner).step_by(group) {
+            self.columns(x, (start, end), column, group.min(inner - column), out, between)?;
+            between();
+            if self.progress.stopped() {
+                return Ok(());
+            }
+        }
+        Ok(())
+    }
+
+    /// Outputs `start..end` of `width` neighbouring columns: gathered into rows, computed, and put back.
+    fn columns(
+        &mut self,
+        x: &[T],
+        (start, end): (usize, usize),
+        column: usize,
+        width: usize,
+        out: &mut [T],
+        between: &mut impl FnMut(),
+    ) -> Result<(), Error> {
+        let inner = self.rows.layout.inner;
+        let outputs = end - start;
+        let mut results = std::mem::take(&mut self.results);
+        let mut gathered = std::mem::take(&mut self.gathered);
+        resize(&mut results, outputs * width)?;
+        let (first, last) = self.interior_within(start, end);
+        let samples = if first < last { last - first + self.rows.taps.span() - 1 } else { 0 };
+        resize(&mut gathered, samples * width)?;
+        if samples > 0 {
+            let lines = x[self.window_start(first) * inner + column..].chunks(inner);
+            for (index, line) in lines.take(samples).enumerate() {
+                for (offset, sample) in line.iter().take(width).enumerate() {
+                    gathered[offset * samples + index] = *sample;
+                }
+            }
+        }
+        for (offset, result) in results.chunks_mut(outputs).enumerate() {
+            let (head, body, tail) = self.split(start, result);
+            let row = Row { x, step: inner, first: column + offset };
+            self.end(row, start, head, between)?;
+            self.end(row, last, tail, between)?;
+            self.interior(&gathered[offset * samples..(offset + 1) * samples], body, between)?;
+        }
+        for (index, line) in out[column..].chunks_mut(inner).enumerate() {
+            for (offset, value) in line.iter_mut().take(width).enumerate() {
+                *value = results[offset * outputs + index];
+            }
+        }
+        (self.results, self.gathered) = (results, gathered);
+        Ok(())
+    }
+
+    /// Where the window of an interior output starts.
+    fn window_start(&self, output: usize) -> usize {
+        (output.cast_signed() - self.rows.center).max(0).cast_unsigned()
+    }
+
+    fn interior_within(&self, start: usize, end: usize) -> (usize, usize) {
+        let (first, last) = self.rows.interior;
+        (first.clamp(start, end), last.clamp(start, end))
+    }
+
+    /// The outputs from `start` in three parts: before, in and after the interior.
+    fn split<'o>(&self, start: usize, out: &'o mut [T]) -> (&'o mut [T], &'o mut [T], &'o mut [T]) {
+        let (first, last) = self.interior_within(start, start + out.len());
+        let (head, rest) = out.split_at_mut(first - start);
+        let (body, tail) = rest.split_at_mut(last - first);
+        (head, body, tail)
+    }
+
+    /// Outputs whose windows start at `x[0]` and on, in slices short enough to stop between them.
+    fn interior(&mut self, x: &[T], out: &mut [T], between: &mut impl FnMut()) -> Result<(), Error> {
+        let span = self.rows.taps.span();
+        let slice = (SLICE / span.max(1)).max(64);
+        for (index, piece) in out.chunks_mut(slice).enumerate() {
+            if index > 0 {
+                between();
+                if self.progress.stopped() {
+                    return Err(Error::Interrupted);
+                }
+            }
+            let start = index * slice;
+            direct::apply(self.rows.taps, &x[start..start + piece.len() + span - 1], piece, &mut self.scratch);
+        }
+        Ok(())
+    }
+
+    /// Outputs from `start`, all before or all after the interior.
+    fn end(&mut self, row: Row<'_, T>, start: usize, out: &mut [T], between: &mut impl FnMut()) -> Result<(), Error> {
+        if out.is_empty() {
+            return Ok(());
+        }
+        match (self.rows.mode, self.rows.fit) {
+            (Mode::Fit, Some(fit)) => self.fitted_end(fit, row, start, out),
+            (mode, _) if mode.extends() => self.extended_end(row, start, out, between),
+            _ => {
+                out.fill(T::from_f64(f64::NAN));
+                Ok(())
+            }
+        }
+    }
+
+    /// The fit of the first or last whole window, evaluated at the samples themselves.
+    fn fitted_end(&mut self, fit: &Fit, row: Row<'_, T>, start: usize, out: &mut [T]) -> Result<(), Error> {
+        let Rows { plan, interior, layout, .. } = self.rows;
+        let (deriv, length) = (plan.design().deriv, fit.window_length());
+        let first = if start < interior.0 { 0 } else { layout.samples - length };
+        // The fit reproduces constants, so any may be taken out first: what is left has the size of the signal's variation.
+        let reference = match plan.design().rule {
+            Rule::Exact => row.get(first).to_f64(),
+            Rule::Trapezoid => 0.0,
+        };
+        resize(&mut self.window, length)?;
+        for (index, value) in self.window.iter_mut().enumerate() {
+            *value = row.get(first + index).to_f64() - reference;
+        }
+        let coefficients = fit.coefficients(&self.window, &Unattended)?;
+        let derivative = fit.derivative(&coefficients, deriv);
+        let back = if deriv == 0 { reference } else { 0.0 };
+        for (value, output) in out.iter_mut().zip(start..) {
+            let position = (output.cast_signed() - first.cast_signed()) as f64;
+            *value = T::from_f64(derivative(position) * plan.unit() + back);
+        }
+        Ok(())
+    }
+
+    /// The interior's taps on the extended data.
+    fn extended_end(
+        &mut self,
+        row: Row<'_, T>,
+        start: usize,
+        out: &mut [T],
+        between: &mut impl FnMut(),
+    ) -> Result<(), Error> {
+        let Rows { mode, layout, center, taps, .. } = self.rows;
+        let constant = if let Mode::Constant(value) = mode { value } else { 0.0 };
+        let mut extended = try_vec(out.len() + taps.span() - 1, T::from_f64(constant))?;
+        let window = start.cast_signed() - center;
+        for (value, index) in extended.iter_mut().zip(window..) {
+            if let Some(source) = mode.source(index, layout.samples) {
+                *value = row.get(source);
+            }
+        }
+        self.interior(&extended, out, between)
+    }
+}
+
+fn resize<V: Clone + Default>(buffer: &mut Vec<V>, length: usize) -> Result<(), Error> {
+    buffer.clear();
+    buffer.try_reserve(length).map_err(|_| Error::Memory { bytes: length.saturating_mul(size_of::<V>()) })?;
+    buffer.resize(length, V::default());
+    Ok(())
+}

@@ -1,0 +1,263 @@
+//! A plan meets an array: which outputs are interior, how the work is cut, threads, and stopping on request.
+//!
+//! The array is contiguous and seen as `(outer, samples, inner)`; the middle axis is differentiated. Work is cut into
+//! tasks that own contiguous pieces of the output. The cuts change no bit, because every output is computed alone.
+//! Threads are scoped and end with the run: a pool of threads would hang in a forked child.
+
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use crate::control::Control;
+pub use crate::ends::Mode;
+use crate::engine::Sample;
+use crate::error::Error;
+use crate::plan::Plan;
+use crate::rows::{Rows, Worker};
+
+/// Multiplications that make a task worth handing out, and a thread worth starting: a few milliseconds.
+const TASK: usize = 1 << 22;
+
+/// Outputs of one row in a task.
+const PIECE: usize = 1 << 13;
+
+/// How often the thread that was called asks whether to go on.
+const INTERVAL: Duration = Duration::from_millis(40);
+
+/// The shape of a contiguous array around the differentiated axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Layout {
+    /// Product of the sizes of the axes before.
+    pub outer: usize,
+    /// Samples along the differentiated axis.
+    pub samples: usize,
+    /// Product of the sizes of the axes after.
+    pub inner: usize,
+}
+
+impl Layout {
+    /// A single row.
+    #[must_use]
+    pub fn row(samples: usize) -> Self {
+        Self { outer: 1, samples, inner: 1 }
+    }
+
+    /// Outputs of one row.
+    #[must_use]
+    pub fn outputs(self, mode: Mode, window_length: usize) -> usize {
+        match mode {
+            Mode::Valid => (self.samples + 1).saturating_sub(window_length),
+            _ => self.samples,
+        }
+    }
+
+    fn size(self, per_row: usize) -> Option<usize> {
+        self.outer.checked_mul(per_row)?.checked_mul(self.inner)
+    }
+}
+
+/// Where the outputs of the full-length modes lie.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Alignment {
+    /// On the samples: `tau` is moved to the nearest one if need be.
+    Sample,
+    /// Half a sample later for even windows: `SciPy`'s convention, `tau` stays in the middle.
+    HalfSample,
+}
+
+/// One run of a plan.
+#[derive(Debug, Clone, Copy)]
+pub struct Job<'a> {
+    /// What to run.
+    pub plan: &'a Plan,
+    /// What happens at the ends of the data.
+    pub mode: Mode,
+    /// Where full-length outputs lie.
+    pub alignment: Alignment,
+    /// The array.
+    pub layout: Layout,
+    /// Threads at most; 0 for as many as the process may use.
+    pub threads: usize,
+}
+
+/// How far a run is, and whether it should stop.
+#[derive(Debug, Default)]
+pub struct Progress {
+    stop: AtomicBool,
+    done: AtomicUsize,
+    total: usize,
+}
+
+impl Job<'_> {
+    /// Outputs of one row.
+    #[must_use]
+    pub fn outputs(&self) -> usize {
+        self.layout.outputs(self.mode, self.plan.design().window_length)
+    }
+
+    /// Estimates into `out`, which has the shape of `x` but for [`Job::outputs`] along the differentiated axis.
+    pub fn run<T: Sample>(&self, x: &[T], out: &mut [T], control: &impl Control) -> Result<(), Error> {
+        let (samples, window_length) = (self.layout.samples, self.plan.design().window_length);
+        if window_length > samples && !self.mode.extends() {
+            let allowed = format!("at most the {samples} samples of x in mode '{}'", self.mode.name());
+            return Err(Error::argument("window_length", window_length, allowed));
+        }
+        let outputs = self.outputs();
+        if self.layout.size(samples) != Some(x.len()) || self.layout.size(outputs) != Some(out.len()) {
+            return Err(Error::argument("out", out.len(), "as long as layout and mode say"));
+        }
+        if out.is_empty() {
+            return Ok(());
+        }
+        let rows = self.rows(control)?;
+        let threads = self.threads_for(out.len().saturating_mul(window_length));
+        let progress = Progress { total: out.len(), ..Progress::default() };
+        let tasks = Tasks::new(out, outputs, self.layout.inner, window_length);
+        work(rows, x, &Mutex::new(tasks), &progress, threads, control)
+    }
+
+    /// Decides what every thread needs to know.
+    fn rows(&self, control: &impl Control) -> Result<Rows<'_>, Error> {
+        let (plan, mode, outputs) = (self.plan, self.mode, self.outputs());
+        let window_length = plan.design().window_length;
+        let half_sample = self.alignment == Alignment::HalfSample && window_length.is_multiple_of(2);
+        let (taps, center) = match mode {
+            Mode::Valid => (plan.taps(), 0),
+            _ if half_sample => (plan.taps(), (window_length / 2).cast_signed() - 1),
+            _ => (plan.aligned_taps(control)?, plan.aligned_position()),
+        };
+        let windows = (self.layout.samples + 1).saturating_sub(window_length).cast_signed();
+        let clamp = |output: isize| output.clamp(0, outputs.cast_signed()).cast_unsigned();
+        let mut interior = (clamp(center), clamp(windows + center));
+        if half_sample && mode == Mode::Fit {
+            interior = (window_length / 2, outputs - window_length / 2);
+        }
+        let fit = if mode == Mode::Fit && interior != (0, outputs) { Some(plan.fit(control)?) } else { None };
+        Ok(Rows { plan, taps, fit, mode, center, interior, layout: self.layout })
+    }
+
+    fn threads_for(&self, work: usize) -> usize {
+        let allowed = match self.threads {
+            0 => thread::available_parallelism().map_or(1, usize::from),
+            threads => threads,
+        };
+        allowed.min(work / TASK).max(1)
+    }
+}
+
+/// Whole rows, or a piece of one: the outputs from `start` of the row `outer`, as many as `out` holds.
+struct Task<'a, T> {
+    outer: usize,
+    start: usize,
+    out: &'a mut [T],
+}
+
+/// Hands out the output in tasks, in order.
+struct Tasks<'a, T> {
+    rest: &'a mut [T],
+    outer: usize,
+    start: usize,
+    outputs: usize,
+    inner: usize,
+    rows: usize,
+}
+
+impl<'a, T> Tasks<'a, T> {
+    fn new(out: &'a mut [T], outputs: usize, inner: usize, window_length: usize) -> Self {
+        let row = outputs.saturating_mul(inner).saturating_mul(window_length);
+        let rows = if outputs > PIECE { 1 } else { (TASK / row).max(1) };
+        Self { rest: out, outer: 0, start: 0, outputs, inner, rows }
+    }
+}
+
+impl<'a, T> Iterator for Tasks<'a, T> {
+    type Item = Task<'a, T>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.rest.is_empty() {
+            return None;
+        }
+        let (outer, start) = (self.outer, self.start);
+        let length = if self.rows > 1 { self.rows * self.outputs } else { PIECE.min(self.outputs - start) };
+        let end = self.rest.len().min(length.saturating_mul(self.inner));
+        let (out, rest) = std::mem::take(&mut self.rest).split_at_mut(end);
+        self.rest = rest;
+        let after = start + length;
+        (self.outer, self.start) = (outer + after / self.outputs, after % self.outputs);
+        Some(Task { outer, start, out })
+    }
+}
+
+/// Works off all tasks, on this thread and `threads - 1` more.
+fn work<T: Sample>(
+    rows: Rows<'_>,
+    x: &[T],
+    tasks: &Mutex<Tasks<'_, T>>,
+    progress: &Progress,
+    threads: usize,
+    control: &impl Control,
+) -> Result<(), Error> {
+    thread::scope(|scope| {
+        let helpers: Vec<_> =
+            (1..threads).map(|_| scope.spawn(|| work_alone(rows, x, tasks, progress, &mut || ()))).collect();
+        let mut last = Instant::now();
+        let mut result = work_alone(rows, x, tasks, progress, &mut || progress.ask(control, &mut last));
+        let mut nap = Duration::from_micros(10);
+        while helpers.iter().any(|helper| !helper.is_finished()) {
+            thread::sleep(nap);
+            nap = (nap * 2).min(INTERVAL / 8);
+            progress.ask(control, &mut last);
+        }
+        for helper in helpers {
+            match helper.join() {
+                Ok(outcome) => result = result.and(outcome),
+                Err(panic) => std::panic::resume_unwind(panic),
+            }
+        }
+        result
+    })
+}
+
+/// Works off tasks until there are none; `between` is called between slices of work.
+fn work_alone<T: Sample>(
+    rows: Rows<'_>,
+    x: &[T],
+    tasks: &Mutex<Tasks<'_, T>>,
+    progress: &Progress,
+    between: &mut impl FnMut(),
+) -> Result<(), Error> {
+    let mut worker = Worker::new(rows, progress)?;
+    let next = || tasks.lock().unwrap_or_else(PoisonError::into_inner).next();
+    while let Some(Task { outer, start, out }) = next() {
+        let (length, matrix) = (out.len(), rows.layout.samples * rows.layout.inner);
+        let (per_row, inner) = (rows.outputs(), rows.layout.inner);
+        for (piece, outer) in out.chunks_mut(per_row * inner).zip(outer..) {
+            worker.run(&x[outer * matrix..(outer + 1) * matrix], start, piece, between)?;
+        }
+        progress.done.fetch_add(length, Ordering::Relaxed);
+        between();
+        if progress.stopped() {
+            return Err(Error::Interrupted);
+        }
+    }
+    Ok(())
+}
+
+impl Progress {
+    /// Whether the run was asked to stop.
+    pub(crate) fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
+    /// Asks the caller whether to go on, not more often than it is worth.
+    fn ask(&self, control: &impl Control, last: &mut Instant) {
+        if last.elapsed() >= INTERVAL {
+            let fraction = self.done.load(Ordering::Relaxed) as f64 / self.total as f64;
+            if !control.proceed(fraction) {
+                self.stop.store(true, Ordering::Relaxed);
+            }
+            *last = Instant::now();
+        }
+    }
+}

@@ -1,0 +1,252 @@
+//! The Python boundary: borrow, detach from the interpreter, call, map errors. No idea lives here.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Mutex;
+
+use algdiff_core::control::Control;
+use algdiff_core::engine::Sample;
+use algdiff_core::error::Error;
+use algdiff_core::kernel::{Kernel as CoreKernel, Tau};
+use algdiff_core::plan::{Design, Place, Plan as CorePlan, Rule};
+use algdiff_core::run::{Alignment, Job, Layout, Mode};
+use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray1};
+use pyo3::exceptions::{PyMemoryError, PyRuntimeError, PyTypeError, PyValueError};
+use pyo3::prelude::*;
+
+pyo3::create_exception!(_core, InternalError, PyRuntimeError, "A defect of algdiff itself: please report it.");
+
+/// Listens for Ctrl-C, and hands on how far a run is.
+struct Attended {
+    progress: Option<Py<PyAny>>,
+    raised: Mutex<Option<PyErr>>,
+}
+
+impl Attended {
+    fn new(progress: Option<Py<PyAny>>) -> Self {
+        Self { progress, raised: Mutex::new(None) }
+    }
+}
+
+impl Control for Attended {
+    fn proceed(&self, fraction: f64) -> bool {
+        let heard = Python::attach(|py| {
+            py.check_signals()?;
+            self.progress.as_ref().map_or(Ok(()), |progress| progress.call1(py, (fraction,)).map(drop))
+        });
+        let Err(error) = heard else { return true };
+        if let Ok(mut raised) = self.raised.lock() {
+            *raised = Some(error);
+        }
+        false
+    }
+}
+
+/// The one way into the core: without the interpreter, every failure an exception.
+fn enter<T: Send>(
+    py: Python<'_>,
+    progress: Option<Py<PyAny>>,
+    call: impl FnOnce(&Attended) -> Result<T, Error> + Send,
+) -> PyResult<T> {
+    let attended = Attended::new(progress);
+    let outcome = py.detach(|| catch_unwind(AssertUnwindSafe(|| call(&attended))));
+    match outcome {
+        Ok(Ok(value)) => Ok(value),
+        Ok(Err(Error::Interrupted)) => {
+            let raised = attended.raised.into_inner().ok().flatten();
+            Err(raised.unwrap_or_else(|| PyRuntimeError::new_err("interrupted")))
+        }
+        Ok(Err(error @ Error::Memory { .. })) => Err(PyMemoryError::new_err(error.to_string())),
+        Ok(Err(error)) => Err(PyValueError::new_err(error.to_string())),
+        Err(_) => Err(InternalError::new_err("algdiff failed inside; please report what you called")),
+    }
+}
+
+/// `tau` as a word or a number.
+#[derive(FromPyObject)]
+enum Point {
+    Number(f64),
+    Word(String),
+}
+
+impl Point {
+    fn tau(self) -> PyResult<Tau> {
+        match self {
+            Self::Number(number) => Ok(Tau::At(number)),
+            Self::Word(word) => match word.as_str() {
+                "center" => Ok(Tau::Center),
+                "root" => Ok(Tau::Root),
+                "newest" => Ok(Tau::Newest),
+                _ => Err(unknown("tau", &word, "'center', 'root', 'newest' or a number")),
+            },
+        }
+    }
+}
+
+fn unknown(name: &'static str, got: &str, allowed: &str) -> PyErr {
+    PyValueError::new_err(Error::argument(name, format!("'{got}'"), allowed).to_string())
+}
+
+/// A continuous kernel.
+#[pyclass(frozen, module = "algdiff._core")]
+struct Kernel(CoreKernel);
+
+#[pymethods]
+impl Kernel {
+    #[new]
+    fn new(deriv: usize, degree: usize, kappa: f64, mu: f64, tau: Point, py: Python<'_>) -> PyResult<Self> {
+        let tau = tau.tau()?;
+        enter(py, None, |_| CoreKernel::new(deriv, degree, kappa, mu, tau, 1.0)).map(Self)
+    }
+
+    #[getter]
+    fn tau(&self) -> f64 {
+        self.0.tau()
+    }
+
+    #[getter]
+    fn exactness(&self) -> usize {
+        self.0.exactness()
+    }
+
+    #[getter]
+    fn bias(&self) -> (usize, f64) {
+        self.0.bias()
+    }
+
+    #[getter]
+    fn norm2(&self) -> f64 {
+        self.0.norm2()
+    }
+
+    fn roots<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_vec(py, self.0.roots())
+    }
+
+    fn values(
+        &self,
+        py: Python<'_>,
+        points: &Bound<'_, PyArray1<f64>>,
+        out: &Bound<'_, PyArray1<f64>>,
+    ) -> PyResult<()> {
+        let (points, mut out) = (points.try_readonly()?, out.try_readwrite()?);
+        let (points, out) = (points.as_slice()?, out.as_slice_mut()?);
+        enter(py, None, |_| self.0.values(points, out))
+    }
+}
+
+/// A frozen design.
+#[pyclass(frozen, module = "algdiff._core")]
+struct Plan(CorePlan);
+
+#[pymethods]
+impl Plan {
+    #[new]
+    #[pyo3(signature = (window_length, deriv, degree, kappa, mu, delta, rule, *, tau=None, delay=None, position=None))]
+    #[expect(clippy::too_many_arguments, reason = "the design's own parameters, by their own names")]
+    fn new(
+        py: Python<'_>,
+        window_length: usize,
+        deriv: usize,
+        degree: usize,
+        kappa: f64,
+        mu: f64,
+        delta: f64,
+        rule: &str,
+        tau: Option<Point>,
+        delay: Option<f64>,
+        position: Option<f64>,
+    ) -> PyResult<Self> {
+        let place = match (tau, delay, position) {
+            (Some(point), None, None) => Place::Tau(point.tau()?),
+            (None, Some(delay), None) => Place::Delay(delay),
+            (None, None, Some(position)) => Place::Position(position),
+            _ => return Err(PyTypeError::new_err("give one of tau, delay and position")),
+        };
+        let rule = match rule {
+            "exact" => Rule::Exact,
+            "trapezoid" => Rule::Trapezoid,
+            _ => return Err(unknown("rule", rule, "'exact' or 'trapezoid'")),
+        };
+        let design = Design { window_length, deriv, degree, kappa, mu, place, delta, rule };
+        enter(py, None, |control| CorePlan::new(&design, control)).map(Self)
+    }
+
+    #[getter]
+    fn tau(&self) -> f64 {
+        self.0.kernel().tau()
+    }
+
+    #[getter]
+    fn delay_samples(&self) -> f64 {
+        self.0.delay_samples()
+    }
+
+    #[getter]
+    fn exactness(&self) -> Option<usize> {
+        self.0.exactness()
+    }
+
+    fn weights(&self, out: &Bound<'_, PyArray1<f64>>) -> PyResult<()> {
+        let mut out = out.try_readwrite()?;
+        let (weights, out) = (self.0.weights(), out.as_slice_mut()?);
+        if weights.len() != out.len() {
+            return Err(PyValueError::new_err("out must have window_length elements"));
+        }
+        out.copy_from_slice(weights);
+        Ok(())
+    }
+
+    #[pyo3(signature = (x, out, layout, mode, cval=0.0, *, half_sample=false, threads=0, progress=None))]
+    #[expect(clippy::too_many_arguments, reason = "the call's own parameters, by their own names")]
+    fn run(
+        &self,
+        py: Python<'_>,
+        x: &Bound<'_, PyAny>,
+        out: &Bound<'_, PyAny>,
+        layout: (usize, usize, usize),
+        mode: &str,
+        cval: f64,
+        half_sample: bool,
+        threads: usize,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
+        let mode = match mode {
+            "fit" => Mode::Fit,
+            "valid" => Mode::Valid,
+            "nan" => Mode::Nan,
+            "nearest" => Mode::Nearest,
+            "mirror" => Mode::Mirror,
+            "wrap" => Mode::Wrap,
+            "constant" => Mode::Constant(cval),
+            _ => return Err(unknown("mode", mode, "'fit', 'valid', 'nan', 'nearest', 'mirror', 'wrap' or 'constant'")),
+        };
+        let alignment = if half_sample { Alignment::HalfSample } else { Alignment::Sample };
+        let (outer, samples, inner) = layout;
+        let job = Job { plan: &self.0, mode, alignment, layout: Layout { outer, samples, inner }, threads };
+        if x.is_instance_of::<PyArray1<f64>>() {
+            run::<f64>(py, job, x, out, progress)
+        } else {
+            run::<f32>(py, job, x, out, progress)
+        }
+    }
+}
+
+fn run<T: Sample + Element>(
+    py: Python<'_>,
+    job: Job<'_>,
+    x: &Bound<'_, PyAny>,
+    out: &Bound<'_, PyAny>,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<()> {
+    let x: PyReadonlyArray1<'_, T> = x.extract()?;
+    let mut out: PyReadwriteArray1<'_, T> = out.extract()?;
+    let (x, out) = (x.as_slice()?, out.as_slice_mut()?);
+    enter(py, progress, |control| job.run(x, out, control))
+}
+
+/// The module `algdiff._core`.
+#[pymodule]
+mod _core {
+    #[pymodule_export]
+    use super::{InternalError, Kernel, Plan};
+}
