@@ -1,7 +1,7 @@
 """Derivatives of noisy sampled signals by algebraic (Jacobi) differentiators.
 
-The estimator of order ``deriv`` is the derivative, at the point ``tau`` of a sliding window, of the polynomial of degree
-``degree`` fitted with the weight ``tau**kappa * (1 - tau)**mu``. Savitzky-Golay is the member ``kappa = mu = 0``.
+The estimator of order ``deriv`` is the derivative, at the point ``tau`` of a sliding window, of the polynomial of
+degree ``degree`` fitted with the weight ``tau**kappa * (1 - tau)**mu``. Savitzky-Golay is the member ``kappa = mu = 0``.
 
 >>> import numpy as np
 >>> import algdiff
@@ -14,7 +14,8 @@ True
 from importlib.metadata import version as _version
 
 from algdiff._core import InternalError
-from algdiff._differentiator import DesignWarning, Differentiator, differentiate
+from algdiff._differentiate import differentiate
+from algdiff._differentiator import DesignWarning, Differentiator
 from algdiff._gradient import gradient
 from algdiff._kernel import Kernel
 from algdiff._savgol import savgol_coeffs, savgol_filter

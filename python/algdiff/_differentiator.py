@@ -1,4 +1,4 @@
-"""Differentiation by a sliding window: a function for once, an object for again."""
+"""A design to use again and again."""
 
 import math
 import sys
@@ -22,9 +22,9 @@ class DesignWarning(UserWarning):
 class Differentiator:
     r"""A frozen design: one window, its weights and what they do to signal and noise.
 
-    Every output is the derivative of order `deriv`, at the point `tau` of its window, of the polynomial of degree `degree`
-    fitted to the window by least squares with the weight :math:`\tau^\kappa (1 - \tau)^\mu` (Mboup, Join and Fliess 2007).
-    ``kappa = mu = 0`` is the Savitzky-Golay filter. Use `differentiate` to do it once.
+    Every output is the derivative of order `deriv`, at the point `tau` of its window, of the polynomial of degree
+    `degree` fitted to the window by least squares with the weight :math:`\tau^\kappa (1 - \tau)^\mu` (Mboup, Join
+    and Fliess 2007). ``kappa = mu = 0`` is the Savitzky-Golay filter. Use `differentiate` to do it once.
 
     Parameters
     ----------
@@ -37,9 +37,9 @@ class Differentiator:
     kappa, mu : float
         Exponents of the weight at the oldest and the newest end of the window, greater than -1.
     tau : {"center", "root", "newest"} or float, optional
-        Point of estimation in the window: 0 is its oldest, 1 its newest end. "center" (the default) is 1/2, "root" the point
-        nearest to the newest sample at which one more degree is reproduced, "newest" the newest sample itself. Numbers
-        above 1 predict.
+        Point of estimation in the window: 0 is its oldest, 1 its newest end. "center" (the default) is 1/2, "root"
+        the point nearest to the newest sample at which one more degree is reproduced, "newest" the newest sample
+        itself. Numbers above 1 predict.
     delay : float, optional
         Instead of `tau`: the time from the estimate to the newest sample, in the unit of `delta`.
     delta : float, optional
@@ -48,8 +48,8 @@ class Differentiator:
         Instead of `delta`: the sampling rate, ``1 / delta``.
     rule : {"exact", "trapezoid"}
         How the continuous kernel becomes weights. "exact": the fit on the samples themselves, which lie at
-        ``tau_j = (j + 1/2) / window_length``, with T = ``window_length * delta``. "trapezoid": the rule of the 2007 paper,
-        with samples at ``tau_j = j / (window_length - 1)``; it leaks offsets and is kept for reproduction.
+        ``tau_j = (j + 1/2) / window_length``, with T = ``window_length * delta``. "trapezoid": the rule of the 2007
+        paper, with samples at ``tau_j = j / (window_length - 1)``; it leaks offsets and is kept for reproduction.
 
     Attributes
     ----------
@@ -58,7 +58,8 @@ class Differentiator:
     delay_samples : float
         Samples from the estimate to the newest sample of the window.
     weights : ndarray of shape (window_length,)
-        Oldest sample first, in units of ``1 / delta**deriv``: ``weights @ x[i : i + window_length]`` is the estimate. Read-only.
+        Oldest sample first, in units of ``1 / delta**deriv``: ``weights @ x[i : i + window_length]`` is the
+        estimate. Read-only.
     noise_gain : float
         Sum of the squared weights: variance of the estimate over variance of white noise in the samples.
     exactness : int
@@ -69,8 +70,8 @@ class Differentiator:
     Raises
     ------
     ValueError
-        An argument is outside of what it may be, two exclude each other, or the degree is so high for the window that the
-        weights miss their moments by more than 1e-10.
+        An argument is outside of what it may be, two exclude each other, or the degree is so high for the window
+        that the weights miss their moments by more than 1e-10.
     TypeError
         An argument is of the wrong type.
     MemoryError
@@ -97,6 +98,8 @@ class Differentiator:
 
     __slots__ = ("_plan", "_weights", "degree", "delta", "deriv", "kappa", "mu", "rule", "tau", "window_length")
 
+    _plan: Plan
+    _weights: NDArray[np.float64]
     window_length: int
     deriv: int
     degree: int
@@ -120,26 +123,6 @@ class Differentiator:
         fs: float | None = None,
         rule: str = "exact",
     ) -> None:
-        self._build(window_length, deriv, degree, kappa, mu, tau, delay, arguments.sampling_step(delta, fs), rule)
-        if self.degree > 1.5 * math.sqrt(self.window_length):
-            message = (
-                f"degree {self.degree} exceeds 1.5 sqrt(window_length) = {1.5 * math.sqrt(self.window_length):.3g}: "
-                f"noise is amplified, the noise gain is {self.noise_gain:.3g}"
-            )
-            warnings.warn(message, DesignWarning, stacklevel=_outside())
-
-    def _build(
-        self,
-        window_length: int,
-        deriv: int,
-        degree: int | None,
-        kappa: float,
-        mu: float,
-        tau: float | str | None,
-        delay: float | None,
-        delta: float,
-        rule: str,
-    ) -> None:
         if tau is not None and delay is not None:
             raise ValueError(f"give tau or delay, not both: got tau = {tau!r} and delay = {delay!r}")
         if not isinstance(rule, str):
@@ -151,13 +134,22 @@ class Differentiator:
             "degree": deriv + 2 if degree is None else arguments.integer("degree", degree, 0),
             "kappa": arguments.real("kappa", kappa),
             "mu": arguments.real("mu", mu),
-            "delta": delta,
+            "delta": arguments.sampling_step(delta, fs),
             "rule": rule,
         }
         if delay is not None:
-            plan = Plan(**values, delay=arguments.real("delay", delay))
+            self._set(Plan(**values, delay=arguments.real("delay", delay)), values)
         else:
-            plan = Plan(**values, tau="center" if tau is None else arguments.word_or_real("tau", tau))
+            self._set(Plan(**values, tau="center" if tau is None else arguments.word_or_real("tau", tau)), values)
+        limit = 1.5 * math.sqrt(self.window_length)
+        if self.degree > limit:
+            message = (
+                f"degree {self.degree} exceeds 1.5 sqrt(window_length) = {limit:.3g}: "
+                f"noise is amplified, the noise gain is {self.noise_gain:.3g}"
+            )
+            warnings.warn(message, DesignWarning, stacklevel=_outside())
+
+    def _set(self, plan: Plan, values: dict[str, Any]) -> None:
         weights = np.empty(values["window_length"])
         plan.weights(weights)
         weights.flags.writeable = False
@@ -180,39 +172,40 @@ class Differentiator:
         Parameters
         ----------
         x : array_like
-            Samples, `delta` apart along `axis`. float32 and complex64 are computed in single, everything else in double
-            precision; complex data as two real passes. Not changed, and not to be changed by others during the call.
+            Samples, `delta` apart along `axis`. float32 and complex64 are computed in single, everything else in
+            double precision; complex data as two real passes. Not changed, and not to be changed by others during
+            the call.
         axis : int
             The axis of time.
         mode : {"fit", "valid", "nan", "nearest", "mirror", "wrap", "constant"}
-            "valid" gives the estimates of all whole windows, ``window_length - 1`` fewer than samples: output `j` belongs
-            to the samples from `j` on and to the point `tau` of their window. In all other modes output `i` is the estimate
-            at the time of sample `i`; should `tau` lie between two samples (an even window at its center, most roots), it is
-            moved to the nearest. Near the ends, where a window around the sample would reach beyond the data, "fit" takes
-            the first or last whole window and moves `tau` in it to the sample, so that polynomials of the degree are
-            reproduced to both ends; "nan" gives NaN; and the others extend the data, with their last value, mirrored at the
-            last sample, periodically, or with `cval`.
+            "valid" gives the estimates of all whole windows, ``window_length - 1`` fewer than samples: output `j`
+            belongs to the samples from `j` on and to the point `tau` of their window. In all other modes output `i`
+            is the estimate at the time of sample `i`; should `tau` lie between two samples (an even window at its
+            center, most roots), it is moved to the nearest. Near the ends, where a window around the sample would
+            reach beyond the data, "fit" takes the first or last whole window and moves `tau` in it to the sample,
+            so that polynomials of the degree are reproduced to both ends; "nan" gives NaN; and the others extend
+            the data, with their last value, mirrored at the last sample, periodically, or with `cval`.
         cval : float
             The value beyond the data in mode "constant".
         out : ndarray, optional
             Where the result goes: of its shape and dtype, not overlapping `x`.
         threads : int, optional
-            At most this many threads; by default ``ALGDIFF_NUM_THREADS`` or the processors of the process. The result is the
-            same to the bit.
+            At most this many threads; by default ``ALGDIFF_NUM_THREADS`` or the processors of the process. The
+            result is the same to the bit.
         progress : callable, optional
             Called now and then with the fraction that is done.
 
         Returns
         -------
         ndarray
-            The estimates, in the unit of `x` over that of ``delta**deriv``. A NaN in `x` makes every estimate NaN whose
-            window contains it, and no other; so does an infinity if ``deriv > 0``.
+            The estimates, in the unit of `x` over that of ``delta**deriv``. A NaN in `x` makes every estimate NaN
+            whose window contains it, and no other; so does an infinity if ``deriv > 0``.
 
         Raises
         ------
         ValueError
-            `x` has fewer samples than the window (modes "fit", "valid" and "nan"), `axis` or `mode` does not exist, or `out`
-            has the wrong shape, is read-only or overlaps `x`.
+            `x` has fewer samples than the window (modes "fit", "valid" and "nan"), `axis` or `mode` does not exist,
+            or `out` has the wrong shape, is read-only or overlaps `x`.
         TypeError
             `x` does not hold numbers, has masked values or carries units, or `out` has another dtype.
         MemoryError
@@ -303,96 +296,16 @@ class Differentiator:
 
 def _rebuild(*key: Any) -> Differentiator:
     """Undo `Differentiator.__reduce__`; whoever made the design has had its warning."""
+    values = dict(zip(Differentiator._names, key, strict=True))
+    tau = values.pop("tau")
     design = object.__new__(Differentiator)
-    *_, tau, delta, rule = key
-    design._build(*key[:5], tau, None, delta, rule)
+    design._set(Plan(**values, tau=tau), values)
     return design
 
 
 def _outside() -> int:
-    """Return the stack level, seen from the caller, of the first frame outside of this file."""
+    """Return the stack level, seen from the caller, of the first frame outside of this package."""
     level, frame = 1, sys._getframe(1)
-    while frame.f_back is not None and frame.f_code.co_filename == __file__:
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("algdiff."):
         level, frame = level + 1, frame.f_back
     return level
-
-
-def differentiate(
-    x: ArrayLike,
-    window_length: int,
-    deriv: int = 1,
-    *,
-    degree: int | None = None,
-    kappa: float = 1.0,
-    mu: float = 1.0,
-    tau: float | str | None = None,
-    delay: float | None = None,
-    delta: float | None = None,
-    fs: float | None = None,
-    axis: int = -1,
-    mode: str = "fit",
-    cval: complex = 0.0,
-    rule: str = "exact",
-    out: Samples | None = None,
-    threads: int | None = None,
-) -> Samples:
-    """Differentiate noisy samples by a sliding window.
-
-    The same as ``Differentiator(window_length, deriv, ...)(x, ...)``, which says what the arguments mean. Make the object
-    yourself to use one design again, or to know its delay, noise gain and weights.
-
-    Parameters
-    ----------
-    x : array_like
-        Samples, `delta` apart along `axis`.
-    window_length : int
-        Number of samples in the window.
-    deriv : int
-        Order of the derivative; 0 smooths.
-    degree : int, optional
-        Degree of the local polynomial; default ``deriv + 2``.
-    kappa, mu : float
-        Exponents of the weight at the oldest and the newest end of the window, greater than -1.
-    tau : {"center", "root", "newest"} or float, optional
-        Point of estimation in the window; default "center".
-    delay : float, optional
-        Instead of `tau`: the time from the estimate to the newest sample.
-    delta, fs : float, optional
-        Sampling step (default 1), or sampling rate.
-    axis : int
-        The axis of time.
-    mode : {"fit", "valid", "nan", "nearest", "mirror", "wrap", "constant"}
-        What happens at the ends; "fit" goes on to the last sample, "valid" gives the whole windows only.
-    cval : float
-        The value beyond the data in mode "constant".
-    rule : {"exact", "trapezoid"}
-        How the continuous kernel becomes weights.
-    out : ndarray, optional
-        Where the result goes.
-    threads : int, optional
-        At most this many threads.
-
-    Returns
-    -------
-    ndarray
-        The estimates, in the shape of `x` (shorter along `axis` in mode "valid"), in the unit of `x` over that of
-        ``delta**deriv``; float32 and complex64 stay, everything else becomes float64 or complex128.
-
-    Raises
-    ------
-    ValueError, TypeError, MemoryError
-        See `Differentiator`.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from algdiff import differentiate
-    >>> t = np.linspace(0, 1, 101)
-    >>> acceleration = differentiate(t**3, 21, deriv=2, delta=0.01)
-    >>> bool(np.allclose(acceleration, 6 * t))
-    True
-    """
-    design = Differentiator(
-        window_length, deriv, degree=degree, kappa=kappa, mu=mu, tau=tau, delay=delay, delta=delta, fs=fs, rule=rule
-    )
-    return design(x, axis, mode=mode, cval=cval, out=out, threads=threads)

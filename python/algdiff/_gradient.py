@@ -20,15 +20,16 @@ def gradient(
 ) -> Samples | tuple[Samples, ...]:
     """Return the gradient of an array: the arguments and the result of `numpy.gradient`, or by a window where noise is.
 
-    Without `window_length` this is `numpy.gradient` itself. With it, every first derivative is that of `differentiate`.
+    Without `window_length` this is `numpy.gradient` itself. With it, every first derivative is that of
+    `differentiate`.
 
     Parameters
     ----------
     f : array_like
         Samples of a function of as many variables as `f` has dimensions.
     *varargs : float or array_like, optional
-        Spacing: one number for all axes, or for each axis a number or the coordinates of the samples. With a window the
-        coordinates must be even to 1e-9 of their range; they may descend.
+        Spacing: one number for all axes, or for each axis a number or the coordinates of the samples. With a window
+        the coordinates must be even to 1e-9 of their range; they may descend.
     axis : int or tuple of int, optional
         The axes along which to differentiate; default all.
     edge_order : {1, 2}
@@ -61,7 +62,8 @@ def gradient(
     if window_length is None:
         if window:
             raise ValueError(f"{', '.join(window)} must come with window_length, got none")
-        plain: Any = np.gradient(f, *varargs, axis=axis, edge_order=edge_order)  # type: ignore[arg-type]
+        numpy_gradient: Any = np.gradient  # whose overloads do not know an ArrayLike
+        plain = numpy_gradient(f, *varargs, axis=axis, edge_order=edge_order)
         return tuple(plain) if isinstance(plain, (list, tuple)) else cast("Samples", plain)
     unknown = window.keys() - _DESIGN - _CALL
     if unknown:
@@ -113,9 +115,10 @@ def _step(spacing: ArrayLike, size: int) -> float:
         step = float(coordinates[-1] - coordinates[0]) / max(size - 1, 1)
         uneven = np.abs(coordinates - (coordinates[0] + step * np.arange(size))).max()
         if not uneven <= 1e-9 * abs(step) * size:
+            steps = np.diff(coordinates)
             raise ValueError(
-                "coordinates must be evenly spaced to use a window, got steps from "
-                f"{np.diff(coordinates).min():g} to {np.diff(coordinates).max():g}; leave out window_length for numpy.gradient"
+                "coordinates must be evenly spaced to use a window, "
+                f"got steps from {steps.min():g} to {steps.max():g}; leave out window_length for numpy.gradient"
             )
     if not (np.isfinite(step) and step != 0):
         raise ValueError(f"spacing must be finite and not zero, got {step:g}")

@@ -17,9 +17,9 @@ class Kernel:
     .. math:: T^{-n} \int_0^1 k(s)\, x(t_0 + T s)\, ds, \qquad
               k(s) = \rho(s) \sum_{m=n}^{N} p_m^{(n)}(\tau)\, p_m(s),
 
-    with n = `deriv`, N = `degree`, the density :math:`\rho \propto s^\kappa (1 - s)^\mu` and its orthonormal polynomials
-    :math:`p_m`: the derivative at `tau` of the weighted least-squares polynomial of degree N (Mboup, Join and Fliess
-    2007, section II).
+    with n = `deriv`, N = `degree`, the density :math:`\rho \propto s^\kappa (1 - s)^\mu` and its orthonormal
+    polynomials :math:`p_m`: the derivative at `tau` of the weighted least-squares polynomial of degree N (Mboup,
+    Join and Fliess 2007, section II).
 
     Parameters
     ----------
@@ -30,8 +30,8 @@ class Kernel:
     kappa, mu : float
         Exponents of the weight at the oldest (0) and the newest (1) end, greater than -1.
     tau : {"center", "root", "newest"} or float
-        Point of estimation: 0 is the oldest, 1 the newest end. "root" is the largest of `roots`. A number within 1e-12 of a
-        root counts as the root.
+        Point of estimation: 0 is the oldest, 1 the newest end. "root" is the largest of `roots`. A number within
+        1e-12 of a root counts as the root.
 
     Attributes
     ----------
@@ -40,7 +40,8 @@ class Kernel:
     exactness : int
         Polynomials up to this degree are differentiated exactly: `degree`, or one more if `tau` is a root.
     bias_constant, bias_order : float, int
-        On a smooth signal the estimate errs by ``bias_constant * T**p * x^(deriv + p)`` to leading order, p = `bias_order`.
+        On a smooth signal the estimate errs by ``bias_constant * T**p * x^(deriv + p)`` to leading order, p =
+        `bias_order`.
     norm2 : float
         Integral of k squared. White noise of variance s**2, sampled every delta, gives the estimate the variance
         ``s**2 * delta * norm2 / T**(2 * deriv + 1)``. Infinite if an exponent is -1/2 or less.
@@ -66,6 +67,7 @@ class Kernel:
 
     __slots__ = ("_kernel", "degree", "deriv", "kappa", "mu", "tau")
 
+    _kernel: _core.Kernel
     deriv: int
     degree: int
     kappa: float

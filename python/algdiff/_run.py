@@ -36,7 +36,11 @@ def run(
     length = max(x.shape[axis] + 1 - window_length, 0) if mode == "valid" else x.shape[axis]
     result = arguments.output(out, (*x.shape[:axis], length, *x.shape[axis + 1 :]), x.dtype, np.asanyarray(given))
     layout = (math.prod(x.shape[:axis]), x.shape[axis], math.prod(x.shape[axis + 1 :]))
-    options = {"half_sample": half_sample, "threads": arguments.thread_count(threads), "progress": progress}
+    options: dict[str, Any] = {
+        "half_sample": half_sample,
+        "threads": arguments.thread_count(threads),
+        "progress": progress,
+    }
     if x.dtype.kind == "c":
         cval = complex(cval)
         result.real = _pass(plan, x.real, result.shape, layout, mode, cval.real, options)

@@ -25,16 +25,17 @@ def savgol_filter(
 ) -> Samples:
     """Apply a Savitzky-Golay filter: the arguments and the result of `scipy.signal.savgol_filter`.
 
-    It differs where SciPy's coefficients lose their digits (long windows, high degrees: 1601 samples and degree 5), and for
-    complex data, whose imaginary part SciPy drops. Use `differentiate` for the ends, delays and weights that SciPy lacks.
+    It differs where SciPy's coefficients lose their digits (long windows, high degrees: 1601 samples and degree 5),
+    and for complex data, whose imaginary part SciPy drops. Use `differentiate` for the ends, delays and weights
+    that SciPy lacks.
 
     Parameters
     ----------
     x : array_like
         The data; float32 and complex64 stay, everything else becomes float64 or complex128.
     window_length : int
-        Number of coefficients; at most the size of `x` along `axis` in mode "interp". The result of an even window belongs
-        to the middle of its window, half a sample after the sample of its index, as in SciPy.
+        Number of coefficients; at most the size of `x` along `axis` in mode "interp". The result of an even window
+        belongs to the middle of its window, half a sample after the sample of its index, as in SciPy.
     polyorder : int
         Degree of the polynomial, less than `window_length`.
     deriv : int
@@ -71,8 +72,8 @@ def savgol_filter(
         raise ValueError(f"mode must be 'mirror', 'constant', 'nearest', 'wrap' or 'interp', got {mode!r}")
     window_length, polyorder, deriv, step = _check(window_length, polyorder, deriv, delta)
     plan = _plan(window_length, polyorder, min(deriv, polyorder), step, (window_length - 1) / 2)
-    options = {"mode": _MODES[mode], "half_sample": window_length % 2 == 0}
-    result = run(plan, window_length, x, axis=axis, cval=cval, threads=threads, **options)  # type: ignore[arg-type]
+    even = window_length % 2 == 0
+    result = run(plan, window_length, x, axis=axis, mode=_MODES[mode], cval=cval, half_sample=even, threads=threads)
     if deriv > polyorder:
         result *= 0
     elif step < 0 and deriv % 2:
@@ -126,9 +127,10 @@ def savgol_coeffs(
     position = (window_length - 1) / 2 if pos is None else arguments.real("pos", pos)
     if not 0 <= position < window_length:
         raise ValueError(f"pos must be at least 0 and less than window_length = {window_length}, got {position}")
+    plan = _plan(window_length, polyorder, min(deriv, polyorder), step, position)
     coefficients = np.zeros(window_length)
     if deriv <= polyorder:
-        _plan(window_length, polyorder, deriv, step, position).weights(coefficients)
+        plan.weights(coefficients)
     if step < 0 and deriv % 2:
         np.negative(coefficients, out=coefficients)
     return coefficients[::-1].copy() if use == "conv" else coefficients

@@ -85,7 +85,8 @@ impl<'a, T: Sample> Worker<'a, T> {
             self.end(row, start, head, between)?;
             let first = start + head.len();
             self.end(row, first + body.len(), tail, between)?;
-            let window = self.window_start(first);
+            // Where there is no interior, its window may start beyond the data.
+            let window = if body.is_empty() { 0 } else { self.window_start(first) };
             return self.interior(&x[window..], body, between);
         }
         let end = start + out.len() / inner;

@@ -1,0 +1,95 @@
+"""`gradient` against numpy's, and with a window against `differentiate`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import algdiff
+
+
+def arrays(rng: np.random.Generator) -> Any:
+    """Return an array of random shape and dtype and random spacings for it."""
+    shape = tuple(int(size) for size in rng.integers(3, 9, rng.integers(1, 4)))
+    f = (10 * rng.standard_normal(shape)).astype([np.float64, np.float32, np.int64, np.complex128][rng.integers(4)])
+    if f.ndim == 1 and rng.random() < 0.5:
+        f = f.tolist()
+    spacings: list[tuple[Any, ...]] = [
+        (),
+        (0.5,),
+        tuple(rng.uniform(0.1, 2, len(shape))),
+        tuple(np.sort(rng.uniform(0, 9, size)) + np.arange(size) for size in shape),
+    ]
+    return f, len(shape), spacings[rng.integers(4)]
+
+
+def test_without_a_window_it_is_numpys() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        f, ndim, spacing = arrays(rng)
+        axis = None
+        if len(spacing) < 2 and rng.random() < 0.5:
+            axis = int(rng.integers(-ndim, ndim)) if rng.random() < 0.5 else tuple(range(ndim))
+            spacing = spacing if np.ndim(spacing[0] if spacing else 0) == 0 else ()
+        options = {"axis": axis, "edge_order": int(rng.integers(1, 3))}
+        expected, got = np.gradient(f, *spacing, **options), algdiff.gradient(f, *spacing, **options)
+        assert isinstance(got, tuple) == isinstance(expected, (tuple, list))
+        pairs = zip(got, expected, strict=True) if isinstance(got, tuple) else [(got, expected)]
+        for ours, theirs in pairs:
+            assert ours.dtype == theirs.dtype
+            np.testing.assert_array_equal(ours, theirs)
+
+
+def test_a_window_of_three_is_the_central_difference() -> None:
+    rng = np.random.default_rng(1)
+    f = rng.standard_normal((20, 30))
+    options: dict[str, Any] = {"window_length": 3, "degree": 2, "kappa": 0, "mu": 0}
+    for spacing in [(), (0.5,), (0.5, 3.0), (np.arange(20) * 0.5, np.linspace(7, -2, 30))]:
+        ours, theirs = algdiff.gradient(f, *spacing, **options), np.gradient(f, *spacing, edge_order=2)
+        assert isinstance(ours, tuple)
+        for got, expected in zip(ours, theirs, strict=True):
+            np.testing.assert_allclose(got, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
+
+
+def test_a_window_is_that_of_differentiate() -> None:
+    f = np.random.default_rng(2).standard_normal((40, 50))
+    options: dict[str, Any] = {"degree": 3, "kappa": 0.5, "mu": 2, "tau": "root"}
+    rows, columns = algdiff.gradient(f, 0.1, 0.2, window_length=11, mode="mirror", **options)
+    expected = algdiff.differentiate(f, 11, delta=0.1, axis=0, mode="mirror", **options)
+    np.testing.assert_array_equal(rows, expected)
+    np.testing.assert_array_equal(columns, algdiff.differentiate(f, 11, delta=0.2, axis=1, mode="mirror", **options))
+    one = algdiff.gradient(f, np.arange(50) * 0.2 + 1e3, axis=1, window_length=11, mode="mirror", **options)
+    assert isinstance(one, np.ndarray)
+    np.testing.assert_allclose(one, columns, rtol=1e-9, atol=1e-9)
+    descending = algdiff.gradient(f, np.arange(50)[::-1] * 0.2, axis=-1, window_length=11, mode="mirror", **options)
+    np.testing.assert_allclose(descending, -columns, rtol=1e-12, atol=1e-12)
+    assert isinstance(algdiff.gradient(f, axis=(0, 1), window_length=11), tuple)
+    assert isinstance(algdiff.gradient(f, axis=(1,), window_length=11), np.ndarray)
+    assert algdiff.gradient(f.astype(np.float32), window_length=11, axis=0).dtype == np.float32  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("error", "match", "spacing", "options"),
+    [
+        (ValueError, "evenly spaced", (np.array([0.0, 1, 3, 4, 5, 6, 7]),), {"window_length": 5}),
+        (ValueError, "coordinates must have shape", (np.arange(6.0),), {"window_length": 5}),
+        (ValueError, "spacing must be finite and not zero", (0.0,), {"window_length": 5}),
+        (ValueError, "spacing must be finite and not zero", (np.zeros(7),), {"window_length": 5}),
+        (ValueError, "spacing must be finite and not zero", (float("nan"),), {"window_length": 5}),
+        (ValueError, "coordinates must be evenly", (np.array([0, 1, 2, np.nan, 4, 5, 6]),), {"window_length": 5}),
+        (TypeError, "spacing must be one number or one entry", (1.0, 1.0), {"window_length": 5}),
+        (TypeError, "spacing must be a real number", ("1",), {"window_length": 5}),
+        (TypeError, "coordinates must hold", (np.arange("2020-01-01", "2020-01-08", dtype="M8[D]"),), {"window_length": 5}),
+        (ValueError, "edge_order must be 1 or 2", (), {"window_length": 5, "edge_order": 3}),
+        (ValueError, "axis must", (), {"window_length": 5, "axis": 1}),
+        (ValueError, "axis must name every axis once", (), {"window_length": 5, "axis": (0, 0)}),
+        (ValueError, "degree must come with window_length", (), {"degree": 2}),
+        (TypeError, "unexpected keywords: window", (), {"window_length": 5, "window": 2}),
+        (ValueError, "window_length must be at most the 7 samples", (), {"window_length": 9}),
+    ],
+)
+def test_refusals(error: type[Exception], match: str, spacing: tuple[Any, ...], options: dict[str, Any]) -> None:
+    with pytest.raises(error, match=match):
+        algdiff.gradient(np.arange(7.0), *spacing, **options)
