@@ -17,9 +17,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import algdiff
 import numpy as np
 from scipy import signal
+
+import algdiff
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import reference
 
 import algdiff
+import reference
 
 Array = npt.NDArray[np.float64]
 Case = dict[str, Any]
@@ -49,9 +49,9 @@ def conditioning(length: int, degree: int, kappa: float, mu: float) -> float:
 def sum_bound(weights: Array, x: npt.ArrayLike, eps: float = EPS) -> float:
     """Return a bound for the rounding errors of one estimate, by differences or by a plain sum.
 
-    A sum of L products in any order errs by at most L eps times the sum of their absolute values (Higham 2002, 3.1). The
-    products are w_k x_k, or W_k (x_{k+1} - x_k) with |W_k| <= sum|w| and at most L of them; the differences, W itself and
-    the final scaling add a few eps each.
+    A sum of L products in any order errs by at most L eps times the sum of their absolute values (Higham 2002, 3.1).
+    The products are w_k x_k, or W_k (x_{k+1} - x_k) with |W_k| <= sum|w| and at most L of them; the differences, W
+    itself and the final scaling add a few eps each.
     """
     samples = np.asarray(x, dtype=np.complex128)
     length, total = len(weights), float(np.abs(weights).sum())
@@ -62,9 +62,9 @@ def sum_bound(weights: Array, x: npt.ArrayLike, eps: float = EPS) -> float:
 def difference_bound(weights: Array, x: npt.ArrayLike, eps: float = EPS) -> float:
     """Return the bound for an estimate by differences alone: it knows no offset.
 
-    The sum of |W_k| |x_{k+1} - x_k| is at most L max|W| max|x_{k+1} - x_k|, and every difference carries the rounding of
-    its own size, not of the samples'.
+    The sum of |W_k| |x_{k+1} - x_k| is at most L max|W| max|x_{k+1} - x_k|, and every difference carries the rounding
+    of its own size, not of the samples'.
     """
-    cumulative = np.abs(np.cumsum(weights)).max()
-    length = len(weights)
-    return (length + 8) * eps * length * float(cumulative) * float(np.abs(np.diff(np.asarray(x, float))).max(initial=0.0))
+    cumulative = float(np.abs(np.cumsum(weights)).max())
+    length, steps = len(weights), np.abs(np.diff(np.asarray(x, float)))
+    return (length + 8) * eps * length * cumulative * float(steps.max(initial=0.0))

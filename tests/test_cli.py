@@ -13,9 +13,10 @@ import time
 from importlib.metadata import version
 from pathlib import Path
 
-import algdiff
 import numpy as np
 import pytest
+
+import algdiff
 from algdiff import _cli, _demo, _files
 from algdiff._cli import main
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support import design
 
 import algdiff
+from support import design
 
 NAN, INF = float("nan"), float("inf")
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import reference
-from support import EPS, conditioning, difference_bound, sum_bound
 
 import algdiff
+import reference
+from support import EPS, conditioning, difference_bound, sum_bound
 
 MODES = ["fit", "valid", "nan", "nearest", "mirror", "wrap", "constant"]
 DTYPES = [np.float64, np.float32, np.complex128, np.complex64, np.int16, np.float16]
@@ -60,7 +60,8 @@ def test_equals_the_reference(mode: str, dtype: Any) -> None:
             warnings.simplefilter("ignore", algdiff.DesignWarning)
             got = algdiff.differentiate(x, length, axis=axis, **options, **extra)
         assert got.dtype == {"f": np.float32, "c": np.complex64}.get(
-            np.dtype(dtype).kind if np.dtype(dtype) in (np.float32, np.complex64) else "", np.result_type(np.float64, dtype)
+            np.dtype(dtype).kind if np.dtype(dtype) in (np.float32, np.complex64) else "",
+            np.result_type(np.float64, dtype),
         )
         eps = SINGLE if got.dtype in (np.float32, np.complex64) else EPS
         weights = weights_used(length, options)

@@ -6,9 +6,9 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from support import Case, case_id, golden
 
 import algdiff
+from support import Case, case_id, golden
 
 DISCRETE = [case for case in golden("discrete.json") if case["method"] in ("exact", "trapezoid")]
 
@@ -51,7 +51,14 @@ def test_weights(case: Case) -> None:
     # T = 1 makes the golden weights ours.
     delta = 1 / length if rule == "exact" else 1 / (length - 1)
     design = algdiff.Differentiator(
-        length, case["n"], degree=case["N"], kappa=case["kappa"], mu=case["mu"], tau=case["tau1"], delta=delta, rule=rule
+        length,
+        case["n"],
+        degree=case["N"],
+        kappa=case["kappa"],
+        mu=case["mu"],
+        tau=case["tau1"],
+        delta=delta,
+        rule=rule,
     )
     expected = np.array(case["w"])
     np.testing.assert_allclose(design.weights, expected, rtol=0, atol=1e-12 * np.abs(expected).max())

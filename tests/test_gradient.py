@@ -81,7 +81,12 @@ def test_a_window_is_that_of_differentiate() -> None:
         (ValueError, "coordinates must be evenly", (np.array([0, 1, 2, np.nan, 4, 5, 6]),), {"window_length": 5}),
         (TypeError, "spacing must be one number or one entry", (1.0, 1.0), {"window_length": 5}),
         (TypeError, "spacing must be a real number", ("1",), {"window_length": 5}),
-        (TypeError, "coordinates must hold", (np.arange("2020-01-01", "2020-01-08", dtype="M8[D]"),), {"window_length": 5}),
+        (
+            TypeError,
+            "coordinates must hold",
+            (np.arange("2020-01-01", "2020-01-08", dtype="M8[D]"),),
+            {"window_length": 5},
+        ),
         (ValueError, "edge_order must be 1 or 2", (), {"window_length": 5, "edge_order": 3}),
         (ValueError, "axis must", (), {"window_length": 5, "axis": 1}),
         (ValueError, "axis must name every axis once", (), {"window_length": 5, "axis": (0, 0)}),

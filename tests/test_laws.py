@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
-from support import EPS, design, difference_bound, sum_bound
 
 import algdiff
+from support import EPS, design, difference_bound, sum_bound
 
 DESIGNS: list[tuple[int, int, dict[str, Any]]] = [
     (5, 1, {}),
@@ -79,7 +80,7 @@ def test_any_chunking_with_halo_gives_the_same_bits(
         edges = [0, *cuts, len(whole)]
         pieces = [
             d(x[start : stop + length - 1], mode="valid", threads=int(rng.integers(1, 4)))
-            for start, stop in zip(edges[:-1], edges[1:], strict=True)
+            for start, stop in pairwise(edges)
             if stop > start
         ]
         assert np.concatenate(pieces).tobytes() == whole.tobytes()

@@ -72,14 +72,14 @@ def test_ctrl_c_is_heard_within_a_quarter_of_a_second(call: str, threads: int) -
 
 
 def test_an_exception_in_progress_stops_the_run() -> None:
-    class Stop(Exception):
+    class StopError(Exception):
         pass
 
     def progress(fraction: float) -> None:
         assert 0 <= fraction <= 1
-        raise Stop
+        raise StopError
 
-    with pytest.raises(Stop):
+    with pytest.raises(StopError):
         algdiff.Differentiator(2001)(np.zeros(20_000_000), progress=progress)
 
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-import reference
 from scipy import signal
-from support import conditioning
 
 import algdiff
+import reference
+from support import conditioning
 
 MODES = ["interp", "mirror", "nearest", "constant", "wrap"]
 

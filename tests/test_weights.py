@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import reference
-from support import EPS, conditioning, design
 
 import algdiff
+import reference
+from support import EPS, conditioning, design
 
 EXPONENTS = [(0.0, 0.0), (1.0, 1.0), (-0.5, -0.5), (10.0, 10.0), (2.5, 0.5), (-0.5, 3.0), (0.0, 10.0), (1.0, 0.0)]
 POINTS: list[float | str] = ["center", "root", "newest", 0.3, 1.25]
@@ -38,7 +38,9 @@ def test_weights_equal_the_reference(deriv: int, kappa: float, mu: float) -> Non
 
 
 @pytest.mark.parametrize(("kappa", "mu"), EXPONENTS)
-@pytest.mark.parametrize(("length", "degree"), [(1, 0), (2, 1), (7, 3), (20, 5), (61, 3), (4096, 8), (4097, 8), (5000, 2)])
+@pytest.mark.parametrize(
+    ("length", "degree"), [(1, 0), (2, 1), (7, 3), (20, 5), (61, 3), (4096, 8), (4097, 8), (5000, 2)]
+)
 def test_moments_hold_up_to_the_exactness_degree_and_no_further(
     length: int, degree: int, kappa: float, mu: float
 ) -> None:
@@ -129,7 +131,9 @@ def test_where_other_solvers_lose_rank(length: int, degree: int) -> None:
 def test_a_degree_too_high_is_an_error_and_a_high_one_a_warning() -> None:
     with pytest.raises(ValueError, match="degree 59 is too high for window_length 60"):
         design(60, 1, degree=59, kappa=0, mu=0, tau="newest")
-    with pytest.warns(algdiff.DesignWarning, match=r"degree 16 exceeds 1\.5 sqrt\(window_length\) = 15\.1.*noise gain is") as caught:
+    with pytest.warns(
+        algdiff.DesignWarning, match=r"degree 16 exceeds 1\.5 sqrt\(window_length\) = 15\.1.*noise gain is"
+    ) as caught:
         algdiff.Differentiator(101, degree=16)
     assert caught[0].filename == __file__
     with pytest.warns(algdiff.DesignWarning) as caught:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from zoo import SIGNAL, awkward, awkward_matrices, refused
 
 import algdiff
+from zoo import SIGNAL, awkward, awkward_matrices, refused
 
 Function = Callable[..., Any]
 
@@ -66,8 +65,7 @@ def test_awkward_matrices_give_the_plain_result(function: Function, axis: int) -
 def test_what_cannot_be_differentiated_is_refused(function: Function, kind: str) -> None:
     for name, x, error in refused():
         if name == kind:
-            with warnings.catch_warnings(), pytest.raises(error) as caught:
-                warnings.simplefilter("error")
+            with pytest.raises(error) as caught:
                 function(x)
             assert str(caught.value)
             assert "\n" not in str(caught.value)

@@ -6,11 +6,13 @@ import datetime
 import decimal
 import fractions
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 SIGNAL = np.cumsum(np.random.default_rng(42).standard_normal(64))
 

@@ -1,7 +1,8 @@
 """Derivatives of noisy sampled signals by algebraic (Jacobi) differentiators.
 
 The estimator of order ``deriv`` is the derivative, at the point ``tau`` of a sliding window, of the polynomial of
-degree ``degree`` fitted with the weight ``tau**kappa * (1 - tau)**mu``. Savitzky-Golay is the member ``kappa = mu = 0``.
+degree ``degree`` fitted with the weight ``tau**kappa * (1 - tau)**mu``. With ``kappa = mu = 0`` it is the
+Savitzky-Golay filter.
 
 >>> import numpy as np
 >>> import algdiff

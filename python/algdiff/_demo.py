@@ -14,9 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import ModuleType
 
-    from numpy.typing import NDArray
-
-    Array = NDArray[Any]
+    from algdiff._arguments import Samples
 
 WINDOW_LENGTH = 1601
 DEGREE = 5
@@ -33,9 +31,9 @@ ZOOM = (1.09, 1.17)
 class Estimates(NamedTuple):
     """Angle, velocity and acceleration, and the seconds they took."""
 
-    angle: Array
-    velocity: Array
-    acceleration: Array
+    angle: Samples
+    velocity: Samples
+    acceleration: Samples
     seconds: float
 
 
@@ -46,7 +44,7 @@ class Law(NamedTuple):
     b: float
     r2: float
 
-    def acceleration(self, angle: Array, velocity: Array) -> Array:
+    def acceleration(self, angle: Samples, velocity: Samples) -> Samples:
         """Return what the equation gives."""
         import numpy as np
 
@@ -67,7 +65,8 @@ def run(folder: Path, threads: int | None = None) -> None:
     theta, delta = recording()
     designs, ours = estimate(theta, delta, threads)
     law = fit(ours)
-    print(_report(designs, ours, law), end="\n\n")
+    used = "all threads of the process" if threads is None else f"threads: {threads}"
+    print(_report(designs, ours, law, used), end="\n\n")
     scipy = _optional("scipy.signal")
     if scipy is None:
         print("SciPy is not installed, so there is nothing to compare with (pip install scipy).")
@@ -78,7 +77,7 @@ def run(folder: Path, threads: int | None = None) -> None:
     _draw(folder / "pendulum.png", theta, delta, ours, law)
 
 
-def recording() -> tuple[Array, float]:
+def recording() -> tuple[Samples, float]:
     """Return the angle in rad as the encoder saw it, and the sampling step in seconds."""
     import numpy as np
 
@@ -86,7 +85,7 @@ def recording() -> tuple[Array, float]:
         return data["counts"] * (2 * np.pi / int(data["counts_per_revolution"])), float(data["dt"])
 
 
-def estimate(theta: Array, delta: float, threads: int | None = None) -> tuple[list[Differentiator], Estimates]:
+def estimate(theta: Samples, delta: float, threads: int | None = None) -> tuple[list[Differentiator], Estimates]:
     """Return the three designs and their estimates, all of one window and one degree."""
     started = time.perf_counter()
     designs = [Differentiator(WINDOW_LENGTH, n, degree=DEGREE, kappa=0, mu=0, delta=delta) for n in range(3)]
@@ -104,11 +103,11 @@ def fit(estimates: Estimates) -> Law:
     return law._replace(r2=_r2(acceleration, law.acceleration(angle, velocity)))
 
 
-def _r2(measured: Array, explained: Array) -> float:
+def _r2(measured: Samples, explained: Samples) -> float:
     return 1.0 - float(((measured - explained) ** 2).sum() / ((measured - measured.mean()) ** 2).sum())
 
 
-def _report(designs: list[Differentiator], ours: Estimates, law: Law) -> str:
+def _report(designs: list[Differentiator], ours: Estimates, law: Law, threads: str) -> str:
     first = designs[0]
     return "\n".join(
         (
@@ -120,12 +119,12 @@ def _report(designs: list[Differentiator], ours: Estimates, law: Law) -> str:
             *(f"  {name:<13}{d.noise_gain:.4g}" for name, d in zip(NAMES, designs, strict=True)),
             "equation     acceleration = a sin(angle) - b velocity, by least squares:",
             f"  a = {law.a:.3f} 1/s^2, b = {law.b:.4f} 1/s, R^2 = {law.r2:.5f}",
-            f"time         {ours.seconds:.3f} s for three designs and three estimates",
+            f"time         {ours.seconds:.3f} s for three designs and three estimates ({threads})",
         )
     )
 
 
-def _comparison(scipy: ModuleType, theta: Array, delta: float, ours: Estimates, law: Law) -> str:
+def _comparison(scipy: ModuleType, theta: Samples, delta: float, ours: Estimates, law: Law) -> str:
     """Say what ``savgol_filter`` makes of the same recording, from the measured numbers alone."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -137,7 +136,7 @@ def _comparison(scipy: ModuleType, theta: Array, delta: float, ours: Estimates, 
     rows = zip(NAMES, UNITS, ours[:3], theirs[:3], strict=True)
     lines = [
         f"The same through savgol_filter of SciPy {import_module('scipy').__version__}:",
-        f"time         {theirs.seconds:.3f} s, {theirs.seconds / ours.seconds:.1f} times that of algdiff",
+        f"time         {theirs.seconds:.3f} s on one thread, {theirs.seconds / ours.seconds:.1f} times that of algdiff",
         *(f"{n:<13}mean {b[free].mean():.4g} {u}; algdiff {a[free].mean():.4g} {u}" for n, u, a, b in rows),
         f"weights      those of the angle miss the sum of 1 by {abs(total - 1.0):.1e}",
         f"R^2          {cross:.5g} of its acceleration against the equation above",
@@ -160,7 +159,7 @@ def _rank() -> str:
     return f"in float64 its matrix of powers has rank {rank} instead of {DEGREE + 1}"
 
 
-def _savgol(scipy: ModuleType, theta: Array, delta: float) -> Estimates:
+def _savgol(scipy: ModuleType, theta: Samples, delta: float) -> Estimates:
     started = time.perf_counter()
     angle, velocity, acceleration = (
         scipy.savgol_filter(theta, WINDOW_LENGTH, DEGREE, deriv=n, delta=delta) for n in range(3)
@@ -168,7 +167,7 @@ def _savgol(scipy: ModuleType, theta: Array, delta: float) -> Estimates:
     return Estimates(angle, velocity, acceleration, time.perf_counter() - started)
 
 
-def _save(path: Path, theta: Array, delta: float, ours: Estimates) -> None:
+def _save(path: Path, theta: Samples, delta: float, ours: Estimates) -> None:
     import numpy as np
 
     arrays: dict[str, Any] = {"t": delta * np.arange(len(theta)), "theta": theta}
@@ -178,7 +177,7 @@ def _save(path: Path, theta: Array, delta: float, ours: Estimates) -> None:
     print(f"wrote {path} ({', '.join(arrays)})")
 
 
-def _draw(path: Path, theta: Array, delta: float, ours: Estimates, law: Law) -> None:
+def _draw(path: Path, theta: Samples, delta: float, ours: Estimates, law: Law) -> None:
     figures = _optional("matplotlib.figure")
     if figures is None:
         print("no figure: matplotlib is not installed (pip install matplotlib)")

@@ -92,8 +92,8 @@ class Differentiator:
     >>> d.delay_samples, d.exactness
     (2.0, 2)
     >>> t = np.arange(0, 1, 0.1)
-    >>> d(t**2).round(9)
-    array([0. , 0.2, 0.4, 0.6, 0.8, 1. , 1.2, 1.4, 1.6, 1.8])
+    >>> bool(np.allclose(d(t**2), 2 * t))
+    True
     """
 
     __slots__ = ("_plan", "_weights", "degree", "delta", "deriv", "kappa", "mu", "rule", "tau", "window_length")

@@ -65,8 +65,8 @@ def savgol_filter(
     --------
     >>> import numpy as np
     >>> from algdiff import savgol_filter
-    >>> savgol_filter(np.arange(7.0) ** 2, 5, 2, deriv=1).round(9)
-    array([ 0.,  2.,  4.,  6.,  8., 10., 12.])
+    >>> bool(np.allclose(savgol_filter(np.arange(7.0) ** 2, 5, 2, deriv=1), [0, 2, 4, 6, 8, 10, 12]))
+    True
     """
     if mode not in _MODES:
         raise ValueError(f"mode must be 'mirror', 'constant', 'nearest', 'wrap' or 'interp', got {mode!r}")

@@ -288,8 +288,8 @@ fn make_symmetric(weights: &mut [f64], deriv: usize) {
     let last = weights.len() - 1;
     for j in 0..half {
         let mean = 0.5 * (weights[j] + sign * weights[last - j]);
-        weights[j] = mean;
         weights[last - j] = sign * mean;
+        weights[j] = mean;
     }
 }
 
