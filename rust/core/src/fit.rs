@@ -311,19 +311,41 @@ mod tests {
     use super::*;
     use crate::control::Unattended;
 
+    /// The same fit, once with its whole factorisation and once by its triangle alone.
+    fn both_ways(family: Jacobi, degree: usize, window_length: usize) -> (Fit, Fit) {
+        let whole = Fit::least_squares(family, degree, window_length, &Unattended).expect("fits");
+        let Factor::Orthogonal { r, .. } = &whole.factor else { panic!("a short window keeps its Q") };
+        let (base, recurrence, factor) =
+            (whole.base.clone(), family.recurrence(degree), Factor::Triangle { r: r.clone() });
+        let triangle = Fit { family, recurrence, grid: Grid::Cells, base, factor };
+        (whole, triangle)
+    }
+
+    #[test]
+    fn as_many_coefficients_as_samples_need_the_orthogonal_factor() {
+        // p_20 on 21 samples has the coefficients 0, ..., 0, 1.
+        let family = Jacobi { alpha: 0.0, beta: 0.0 };
+        let (whole, triangle) = both_ways(family, 20, 21);
+        let values = |j: i32| family.recurrence(20).values(Grid::Cells.tau(f64::from(j), 21))[20];
+        let x: Vec<f64> = (0..21).map(values).collect();
+        let error = |fit: &Fit| {
+            let coefficients = fit.coefficients(&x, &Unattended).expect("fits");
+            let wanted = |m: usize| if m == 20 { 1.0 } else { 0.0 };
+            coefficients.iter().enumerate().map(|(m, a)| (a - wanted(m)).abs()).fold(0.0, f64::max)
+        };
+        assert!(error(&whole) < 1e-11, "{:e}", error(&whole));
+        assert!(error(&triangle) > 1e-9, "{:e}", error(&triangle));
+        // Weights are refined, and so equally good both ways.
+        let moments = family.derivatives(20, 1, Grid::Cells.tau(20.0, 21));
+        for fit in [whole, triangle] {
+            assert!(fit.weights(&moments, &Unattended).expect("meets its moments").1 < 1e-11);
+        }
+    }
+
     #[test]
     fn long_windows_take_the_other_path_to_the_same_weights() {
-        // The same fit, once with its whole factorisation and once by its triangle alone.
         let family = Jacobi { alpha: 0.5, beta: 1.0 };
-        let whole = Fit::least_squares(family, 4, 3000, &Unattended).expect("fits");
-        let Factor::Orthogonal { r, .. } = &whole.factor else { panic!("a short window keeps its Q") };
-        let triangle = Fit {
-            family,
-            recurrence: family.recurrence(4),
-            grid: Grid::Cells,
-            base: whole.base.clone(),
-            factor: Factor::Triangle { r: r.clone() },
-        };
+        let (whole, triangle) = both_ways(family, 4, 3000);
         let moments = family.derivatives(4, 1, 0.7);
         let (expected, _) = whole.weights(&moments, &Unattended).expect("meets its moments");
         let (weights, _) = triangle.weights(&moments, &Unattended).expect("meets its moments");
