@@ -138,11 +138,13 @@ impl Job<'_> {
     }
 
     fn threads_for(&self, work: usize) -> usize {
-        let allowed = match self.threads {
-            0 => thread::available_parallelism().map_or(1, usize::from),
-            threads => threads,
-        };
-        allowed.min(work / TASK).max(1)
+        let useful = (work / TASK).max(1);
+        match self.threads {
+            // Asking the system takes longer than a short call.
+            0 if useful > 1 => thread::available_parallelism().map_or(1, usize::from).min(useful),
+            0 => 1,
+            threads => threads.min(useful),
+        }
     }
 }
 
