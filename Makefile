@@ -22,7 +22,7 @@ lint: ## formatters, linters, types and stubs; needs `make dev`
 	cd tests && $(PYTHON) -m mypy.stubtest algdiff --ignore-disjoint-bases
 
 test-rust: ## tests of the core
-	cargo test --workspace
+	cargo test --workspace --release
 
 test: ## the README's test command: install, then test
 	$(PYTHON) -m pip install '.[test]' && $(PYTHON) -m pytest

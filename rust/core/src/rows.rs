@@ -1,5 +1,7 @@
 //! One thread's part of a run: the outputs of rows and columns, their interior by the engine and their ends by the mode.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use crate::control::Unattended;
 use crate::ends::Mode;
 use crate::engine::direct::{self, Scratch};
@@ -7,7 +9,6 @@ use crate::engine::{Sample, Taps};
 use crate::error::{Error, try_vec};
 use crate::fit::Fit;
 use crate::plan::{Plan, Rule};
-use crate::run::{Layout, Progress};
 
 /// Multiplications between two looks at the stop flag: a few milliseconds.
 const SLICE: usize = 1 << 22;
@@ -17,6 +18,38 @@ const COLUMN_BYTES: usize = 64;
 
 /// Samples gathered at a time, over all columns of a group: bounds the memory for long windows.
 const GATHERED: usize = 1 << 19;
+
+/// The shape of a contiguous array around the differentiated axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Layout {
+    /// Product of the sizes of the axes before.
+    pub outer: usize,
+    /// Samples along the differentiated axis.
+    pub samples: usize,
+    /// Product of the sizes of the axes after.
+    pub inner: usize,
+}
+
+impl Layout {
+    /// A single row.
+    #[must_use]
+    pub fn row(samples: usize) -> Self {
+        Self { outer: 1, samples, inner: 1 }
+    }
+
+    /// Outputs of one row.
+    #[must_use]
+    pub fn outputs(self, mode: Mode, window_length: usize) -> usize {
+        match mode {
+            Mode::Valid => (self.samples + 1).saturating_sub(window_length),
+            _ => self.samples,
+        }
+    }
+
+    pub(crate) fn size(self, per_row: usize) -> Option<usize> {
+        self.outer.checked_mul(per_row)?.checked_mul(self.inner)
+    }
+}
 
 /// What every thread of a run needs to know.
 #[derive(Debug, Clone, Copy)]
@@ -62,7 +95,7 @@ impl<T: Copy> Row<'_, T> {
 /// A thread's own memory, and the signal to stop.
 pub struct Worker<'a, T> {
     rows: Rows<'a>,
-    progress: &'a Progress,
+    stop: &'a AtomicBool,
     scratch: Scratch<T>,
     gathered: Vec<T>,
     results: Vec<T>,
@@ -71,9 +104,9 @@ pub struct Worker<'a, T> {
 
 impl<'a, T: Sample> Worker<'a, T> {
     /// Memory for one thread.
-    pub fn new(rows: Rows<'a>, progress: &'a Progress) -> Result<Self, Error> {
+    pub fn new(rows: Rows<'a>, stop: &'a AtomicBool) -> Result<Self, Error> {
         let scratch = Scratch::new(rows.taps)?;
-        Ok(Self { rows, progress, scratch, gathered: Vec::new(), results: Vec::new(), window: Vec::new() })
+        Ok(Self { rows, stop, scratch, gathered: Vec::new(), results: Vec::new(), window: Vec::new() })
     }
 
     /// Outputs `start..` of the matrix `x` of `(samples, inner)`, as many as `out` of `(outputs, inner)` holds.
@@ -94,7 +127,7 @@ impl<'a, T: Sample> Worker<'a, T> {
         for column in (0..inner).step_by(group) {
             self.columns(x, (start, end), column, group.min(inner - column), out, between)?;
             between();
-            if self.progress.stopped() {
+            if self.stopped() {
                 return Ok(());
             }
         }
@@ -143,6 +176,10 @@ impl<'a, T: Sample> Worker<'a, T> {
         Ok(())
     }
 
+    fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
+    }
+
     /// Where the window of an interior output starts.
     fn window_start(&self, output: usize) -> usize {
         (output.cast_signed() - self.rows.center).max(0).cast_unsigned()
@@ -168,7 +205,7 @@ impl<'a, T: Sample> Worker<'a, T> {
         for (index, piece) in out.chunks_mut(slice).enumerate() {
             if index > 0 {
                 between();
-                if self.progress.stopped() {
+                if self.stopped() {
                     return Err(Error::Interrupted);
                 }
             }

@@ -14,6 +14,7 @@ pub use crate::ends::Mode;
 use crate::engine::Sample;
 use crate::error::Error;
 use crate::plan::Plan;
+pub use crate::rows::Layout;
 use crate::rows::{Rows, Worker};
 
 /// Multiplications that make a task worth handing out, and a thread worth starting: a few milliseconds.
@@ -24,38 +25,6 @@ const PIECE: usize = 1 << 13;
 
 /// How often the thread that was called asks whether to go on.
 const INTERVAL: Duration = Duration::from_millis(40);
-
-/// The shape of a contiguous array around the differentiated axis.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Layout {
-    /// Product of the sizes of the axes before.
-    pub outer: usize,
-    /// Samples along the differentiated axis.
-    pub samples: usize,
-    /// Product of the sizes of the axes after.
-    pub inner: usize,
-}
-
-impl Layout {
-    /// A single row.
-    #[must_use]
-    pub fn row(samples: usize) -> Self {
-        Self { outer: 1, samples, inner: 1 }
-    }
-
-    /// Outputs of one row.
-    #[must_use]
-    pub fn outputs(self, mode: Mode, window_length: usize) -> usize {
-        match mode {
-            Mode::Valid => (self.samples + 1).saturating_sub(window_length),
-            _ => self.samples,
-        }
-    }
-
-    fn size(self, per_row: usize) -> Option<usize> {
-        self.outer.checked_mul(per_row)?.checked_mul(self.inner)
-    }
-}
 
 /// Where the outputs of the full-length modes lie.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -229,7 +198,7 @@ fn work_alone<T: Sample>(
     progress: &Progress,
     between: &mut impl FnMut(),
 ) -> Result<(), Error> {
-    let mut worker = Worker::new(rows, progress)?;
+    let mut worker = Worker::new(rows, &progress.stop)?;
     let next = || tasks.lock().unwrap_or_else(PoisonError::into_inner).next();
     while let Some(Task { outer, start, out }) = next() {
         let (length, matrix) = (out.len(), rows.layout.samples * rows.layout.inner);
@@ -239,7 +208,7 @@ fn work_alone<T: Sample>(
         }
         progress.done.fetch_add(length, Ordering::Relaxed);
         between();
-        if progress.stopped() {
+        if progress.stop.load(Ordering::Relaxed) {
             return Err(Error::Interrupted);
         }
     }
@@ -247,11 +216,6 @@ fn work_alone<T: Sample>(
 }
 
 impl Progress {
-    /// Whether the run was asked to stop.
-    pub(crate) fn stopped(&self) -> bool {
-        self.stop.load(Ordering::Relaxed)
-    }
-
     /// Asks the caller whether to go on, not more often than it is worth.
     fn ask(&self, control: &impl Control, last: &mut Instant) {
         if last.elapsed() >= INTERVAL {
