@@ -205,6 +205,35 @@ impl Fit {
         move |position| lower.sum(&scaled, grid.tau(position, length))
     }
 
+    /// Refuses a fit whose estimates at the first or the last sample miss their moments.
+    ///
+    /// Estimates at the ends go through the fitted coefficients, which lose as many digits as the basis is ill-conditioned
+    /// on the window: only high degrees on short windows, and never the long windows whose basis is formed in chunks
+    /// unless their degree is beyond reason.
+    pub fn check_ends(&self, deriv: usize, control: &impl Control) -> Result<(), Error> {
+        let length = self.window_length();
+        if length > CHUNK && (self.degree() as f64) <= 1.5 * (length as f64).sqrt() {
+            return Ok(());
+        }
+        let last = (length - 1) as f64;
+        let ends = [0.0, last].map(|place| self.family.derivatives(self.degree(), deriv, self.grid.tau(place, length)));
+        let mut column = try_vec(length, 0.0)?;
+        for m in 0..=self.degree() {
+            self.for_each_chunk(control, |start, columns| {
+                column[start..start + columns[m].len()].copy_from_slice(&columns[m]);
+            })?;
+            let coefficients = self.coefficients(&column, control)?;
+            for moments in &ends {
+                let scale = moments.iter().fold(0.0, |peak: f64, d| peak.max(d.abs()));
+                let residual = (dot(moments, &coefficients) - moments[m]).abs() / scale;
+                if residual.is_nan() || residual > ALLOWED_RESIDUAL {
+                    return Err(Error::Moments { degree: self.degree(), window_length: length, residual });
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// `weights += W V^T (V W V^T)^-1 moments`.
     fn add_weights(&self, moments: &[f64], weights: &mut [f64], control: &impl Control) -> Result<(), Error> {
         let mut solution = moments.to_vec();
@@ -252,11 +281,18 @@ impl Fit {
         if length <= CHUNK {
             let mut columns = Vec::new();
             self.for_each_chunk(control, |_, chunk| columns = chunk.to_vec())?;
-            let root: Vec<f64> = self.base.iter().map(|w| w.sqrt()).collect();
-            let qr = Mat::from_fn(length, size, |j, m| root[j] * columns[m][j]).qr();
-            let mut scaled_q = qr.compute_thin_Q();
-            for column in scaled_q.col_iter_mut() {
-                column.iter_mut().zip(&root).for_each(|(q, root)| *q *= root);
+            // Heaviest samples first: Householder's reflections then keep the digits of the light ones too, which under
+            // large exponents are smaller by many powers of ten.
+            let mut order: Vec<usize> = (0..length).collect();
+            order.sort_by(|&i, &j| self.base[j].total_cmp(&self.base[i]));
+            let root: Vec<f64> = order.iter().map(|&j| self.base[j].sqrt()).collect();
+            let qr = Mat::from_fn(length, size, |row, m| root[row] * columns[m][order[row]]).qr();
+            let thin_q = qr.compute_thin_Q();
+            let mut scaled_q = Mat::zeros(length, size);
+            for (row, &j) in order.iter().enumerate() {
+                for m in 0..size {
+                    scaled_q[(j, m)] = root[row] * thin_q[(row, m)];
+                }
             }
             return Ok(Factor::Orthogonal { scaled_q, r: qr.thin_R().to_owned() });
         }

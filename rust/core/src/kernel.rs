@@ -9,6 +9,12 @@ use crate::jacobi::{Jacobi, ln_beta};
 /// Degrees beyond this are refused: no window that fits in memory gives them a use, and a design would take seconds.
 pub const MAX_DEGREE: usize = 500;
 
+/// Points further from the window than this are refused: no digit of such an extrapolation would be left.
+pub const MAX_TAU: f64 = 1e6;
+
+/// Exponents beyond this are refused: the weight would be a single sample's.
+pub const MAX_EXPONENT: f64 = 1e4;
+
 /// Where in the window the derivative is estimated: 0 is the oldest, 1 the newest end.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Tau {
@@ -43,8 +49,9 @@ impl Kernel {
             return Err(Error::argument("degree", degree, format!("at least deriv = {deriv}")));
         }
         for (name, value) in [("kappa", kappa), ("mu", mu)] {
-            if !(value > -1.0 && value.is_finite()) {
-                return Err(Error::argument(name, value, "finite and greater than -1"));
+            if !(value > -1.0 && value <= MAX_EXPONENT) {
+                let allowed = format!("finite and greater than -1, and at most {MAX_EXPONENT:e}");
+                return Err(Error::argument(name, value, allowed));
             }
         }
         let family = Jacobi { alpha: kappa, beta: mu }.raised(deriv);
@@ -53,9 +60,10 @@ impl Kernel {
             Tau::Center => 0.5,
             Tau::Newest => newest,
             Tau::Root => family.roots(order).last().copied().unwrap_or(0.5),
-            Tau::At(point) if point.is_finite() => point,
+            Tau::At(point) if point.abs() <= MAX_TAU => point,
             Tau::At(point) => {
-                return Err(Error::argument("tau", point, "finite, or 'center', 'root' or 'newest'"));
+                let allowed = format!("finite and at most {MAX_TAU:e} in size, or 'center', 'root' or 'newest'");
+                return Err(Error::argument("tau", point, allowed));
             }
         };
         let root = family.root_near(order, wanted);

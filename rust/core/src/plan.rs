@@ -1,13 +1,14 @@
 //! Everything decided before the first sample: the weights of a window, and how they will meet the data.
 
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::control::Control;
 use crate::engine::Taps;
 use crate::error::Error;
 use crate::fit::{Fit, Grid};
 use crate::jacobi::Jacobi;
-use crate::kernel::{Kernel, Tau};
+use crate::kernel::{Kernel, MAX_TAU, Tau};
 
 /// Windows beyond this are refused: their weights alone would take 80 MB, and a mistyped size should not run for minutes.
 pub const MAX_WINDOW: usize = 10_000_000;
@@ -73,11 +74,13 @@ pub struct Plan {
     design: Design,
     kernel: Kernel,
     weights: Vec<f64>,
+    fit_degree: usize,
     exactness: Option<usize>,
     unit: f64,
     at_tau: Taps,
     aligned: OnceLock<Taps>,
     fit: OnceLock<Fit>,
+    ends_checked: AtomicBool,
 }
 
 impl Plan {
@@ -107,16 +110,18 @@ impl Plan {
         if !weights.iter().all(|w| w.is_finite()) {
             return Err(Error::argument("delta", design.delta, "large enough for weights that are finite"));
         }
-        let at_tau = design.taps(&weights)?;
+        let at_tau = design.taps(&weights, design.rule.grid().position(kernel.tau(), design.window_length))?;
         let plan = Self {
             design: *design,
             kernel,
             weights,
+            fit_degree,
             exactness,
             unit,
             at_tau,
             aligned: OnceLock::new(),
             fit: OnceLock::new(),
+            ends_checked: AtomicBool::new(false),
         };
         if fit_degree == design.degree {
             let _ = plan.fit.set(fit);
@@ -186,16 +191,32 @@ impl Plan {
         if let Some(taps) = self.aligned.get() {
             return Ok(taps);
         }
+        // Next to a root the fit keeps its extra degree, which costs next to no noise there.
+        let wider =
+            if self.fit_degree > self.design.degree { Some(self.design.fit(self.fit_degree, control)?) } else { None };
+        let fit = match &wider {
+            Some(fit) => fit,
+            None => self.fit(control)?,
+        };
         let tau = self.design.rule.grid().tau(sample, self.design.window_length);
-        let moments = self.kernel.family().derivatives(self.design.degree, self.design.deriv, tau);
-        let (mut weights, _) = self.fit(control)?.weights(&moments, control)?;
+        let moments = self.kernel.family().derivatives(self.fit_degree, self.design.deriv, tau);
+        let (mut weights, _) = fit.weights(&moments, control)?;
         weights.iter_mut().for_each(|w| *w *= self.unit);
-        let taps = self.design.taps(&weights)?;
+        let taps = self.design.taps(&weights, sample)?;
         Ok(self.aligned.get_or_init(|| taps))
     }
 
-    /// The fit of degree `degree`, by which the ends of the data are estimated.
-    pub fn fit(&self, control: &impl Control) -> Result<&Fit, Error> {
+    /// The fit of degree `degree`, by which the ends of the data are estimated: refused if it misses its moments there.
+    pub fn fit_for_ends(&self, control: &impl Control) -> Result<&Fit, Error> {
+        let fit = self.fit(control)?;
+        if self.design.rule == Rule::Exact && !self.ends_checked.load(Ordering::Relaxed) {
+            fit.check_ends(self.design.deriv, control)?;
+            self.ends_checked.store(true, Ordering::Relaxed);
+        }
+        Ok(fit)
+    }
+
+    fn fit(&self, control: &impl Control) -> Result<&Fit, Error> {
         if let Some(fit) = self.fit.get() {
             return Ok(fit);
         }
@@ -243,7 +264,11 @@ impl Design {
                 }
                 let whole = samples.round();
                 let samples = if same_sample(samples, whole) { whole } else { samples };
-                new(Tau::At(grid.tau(newest - samples, length)))
+                let tau = grid.tau(newest - samples, length);
+                if tau.abs() > MAX_TAU {
+                    return Err(Error::argument("delay", delay, format!("at most {MAX_TAU:e} windows long")));
+                }
+                new(Tau::At(tau))
             }
             Place::Position(position) => new(Tau::At(grid.tau(position, length))).map(Kernel::without_root),
         }
@@ -270,9 +295,17 @@ impl Design {
         }
     }
 
-    /// Weights that sum to zero run on first differences; the trapezoidal rule leaks offsets and must go on leaking them.
-    fn taps(&self, weights: &[f64]) -> Result<Taps, Error> {
-        if self.deriv > 0 && self.rule == Rule::Exact { Taps::on_differences(weights) } else { Taps::plain(weights) }
+    /// Weights that sum to zero run on first differences, and those that sum to one on differences to the sample nearest to
+    /// the estimate; the trapezoidal rule leaks offsets and must go on leaking them.
+    fn taps(&self, weights: &[f64], position: f64) -> Result<Taps, Error> {
+        match (self.rule, self.deriv) {
+            (Rule::Trapezoid, _) => Taps::plain(weights),
+            (Rule::Exact, 0) => {
+                let anchor = position.round().clamp(0.0, (self.window_length - 1) as f64);
+                Taps::on_differences(weights, Some((anchor as isize).cast_unsigned()))
+            }
+            (Rule::Exact, _) => Taps::on_differences(weights, None),
+        }
     }
 }
 

@@ -20,7 +20,7 @@ use crate::rows::{Rows, Worker};
 /// Multiplications that make a task worth handing out, and a thread worth starting: a few milliseconds.
 const TASK: usize = 1 << 22;
 
-/// Outputs of one row in a task.
+/// Outputs of one row in a task, at most.
 const PIECE: usize = 1 << 13;
 
 /// How often the thread that was called asks whether to go on.
@@ -80,9 +80,10 @@ impl Job<'_> {
             return Ok(());
         }
         let rows = self.rows(control)?;
-        let threads = self.threads_for(out.len().saturating_mul(window_length));
         let progress = Progress { total: out.len(), ..Progress::default() };
+        let work_load = out.len().saturating_mul(window_length);
         let tasks = Tasks::new(out, outputs, self.layout.inner, window_length);
+        let threads = self.threads_for(work_load).min(tasks.left());
         work(rows, x, &Mutex::new(tasks), &progress, threads, control)
     }
 
@@ -102,7 +103,7 @@ impl Job<'_> {
         if half_sample && mode == Mode::Fit {
             interior = (window_length / 2, outputs - window_length / 2);
         }
-        let fit = if mode == Mode::Fit && interior != (0, outputs) { Some(plan.fit(control)?) } else { None };
+        let fit = if mode == Mode::Fit && interior != (0, outputs) { Some(plan.fit_for_ends(control)?) } else { None };
         Ok(Rows { plan, taps, fit, mode, center, interior, layout: self.layout })
     }
 
@@ -132,13 +133,23 @@ struct Tasks<'a, T> {
     outputs: usize,
     inner: usize,
     rows: usize,
+    piece: usize,
 }
 
 impl<'a, T> Tasks<'a, T> {
     fn new(out: &'a mut [T], outputs: usize, inner: usize, window_length: usize) -> Self {
         let row = outputs.saturating_mul(inner).saturating_mul(window_length);
-        let rows = if outputs > PIECE { 1 } else { (TASK / row).max(1) };
-        Self { rest: out, outer: 0, start: 0, outputs, inner, rows }
+        let rows = (TASK / row).max(1);
+        // Columns are gathered with the windows' overlap, which should stay a small part of what is gathered.
+        let columns = (8 * TASK / inner.saturating_mul(window_length)).max(window_length.saturating_mul(4)).max(64);
+        let piece = if inner == 1 { PIECE } else { PIECE.min(columns) };
+        Self { rest: out, outer: 0, start: 0, outputs, inner, rows, piece }
+    }
+
+    /// How many tasks there are, at least.
+    fn left(&self) -> usize {
+        let per_task = if self.rows > 1 { self.rows * self.outputs } else { self.piece.min(self.outputs) };
+        self.rest.len().div_ceil(per_task.saturating_mul(self.inner).max(1))
     }
 }
 
@@ -150,7 +161,7 @@ impl<'a, T> Iterator for Tasks<'a, T> {
             return None;
         }
         let (outer, start) = (self.outer, self.start);
-        let length = if self.rows > 1 { self.rows * self.outputs } else { PIECE.min(self.outputs - start) };
+        let length = if self.rows > 1 { self.rows * self.outputs } else { self.piece.min(self.outputs - start) };
         let end = self.rest.len().min(length.saturating_mul(self.inner));
         let (out, rest) = std::mem::take(&mut self.rest).split_at_mut(end);
         self.rest = rest;
@@ -170,8 +181,9 @@ fn work<T: Sample>(
     control: &impl Control,
 ) -> Result<(), Error> {
     thread::scope(|scope| {
-        let helpers: Vec<_> =
-            (1..threads).map(|_| scope.spawn(|| work_alone(rows, x, tasks, progress, &mut || ()))).collect();
+        // Where the system refuses another thread, the ones that are there do the work.
+        let start = |_| thread::Builder::new().spawn_scoped(scope, || work_alone(rows, x, tasks, progress, &mut || ()));
+        let helpers: Vec<_> = (1..threads).map_while(|index| start(index).ok()).collect();
         let mut last = Instant::now();
         let mut result = work_alone(rows, x, tasks, progress, &mut || progress.ask(control, &mut last));
         let mut nap = Duration::from_micros(10);

@@ -57,13 +57,16 @@ impl<T: Sample> WithSimd for Apply<'_, T> {
             return;
         }
         for (block, start) in out.chunks_mut(BLOCK).zip((0..).step_by(BLOCK)) {
-            let length = block.len() + coefficients.len() - 1;
+            let length = (block.len() + coefficients.len()).saturating_sub(1);
             let (older, newer) = (&x[start..start + length], &x[start + 1..start + 1 + length]);
             let differences = &mut scratch.differences[..length];
             for ((difference, older), newer) in differences.iter_mut().zip(older).zip(newer) {
                 *difference = *newer - *older;
             }
             correlate(coefficients, scale, differences, block);
+            if let Some(anchor) = taps.anchor {
+                block.iter_mut().zip(&x[start + anchor..]).for_each(|(value, sample)| *value = *value + *sample);
+            }
         }
     }
 }
@@ -137,7 +140,7 @@ mod tests {
             let mut weights = signal(length);
             let mean = weights.iter().sum::<f64>() / length as f64;
             weights.iter_mut().for_each(|w| *w -= mean);
-            let taps = Taps::on_differences(&weights).expect("small");
+            let taps = Taps::on_differences(&weights, None).expect("small");
             assert_eq!(taps.span(), length);
             let x = signal(300);
             let out = run(&taps, &x);
@@ -150,10 +153,27 @@ mod tests {
     }
 
     #[test]
+    fn an_anchored_smoother_agrees_and_keeps_constants() {
+        for (length, anchor) in [(1, 0), (2, 1), (5, 0), (5, 4), (37, 20)] {
+            let mut weights = signal(length);
+            let excess = (weights.iter().sum::<f64>() - 1.0) / length as f64;
+            weights.iter_mut().for_each(|w| *w -= excess);
+            let taps = Taps::on_differences(&weights, Some(anchor)).expect("small");
+            assert_eq!(taps.span(), length);
+            let x = signal(300);
+            for (i, value) in run(&taps, &x).iter().enumerate() {
+                let expected: f64 = weights.iter().zip(&x[i..]).map(|(w, x)| w * x).sum();
+                assert!((value - expected).abs() <= 1e-16 * (length * length + 4) as f64, "{length} {anchor}");
+            }
+            assert!(run(&taps, &vec![1.1; 300]).iter().all(|value| *value == 1.1));
+        }
+    }
+
+    #[test]
     fn any_cut_gives_the_same_bits() {
         let weights = signal(37);
         let x = signal(9000);
-        for taps in [Taps::plain(&weights).expect("small"), Taps::on_differences(&weights).expect("small")] {
+        for taps in [Taps::plain(&weights).expect("small"), Taps::on_differences(&weights, None).expect("small")] {
             let whole = run(&taps, &x);
             for cut in [1, 7, 31, 32, 33, 4000, 4096, 4100] {
                 let (left, right) = (run(&taps, &x[..cut + 36]), run(&taps, &x[cut..]));

@@ -8,17 +8,19 @@ pub mod direct;
 use crate::error::{Error, try_vec};
 
 /// The weights of a design in the form that engines apply: `out[i] = scale * sum of taps[k] s[i + k]`, where `s` is the
-/// data or their first differences.
+/// data or their first differences; with an anchor `a`, plus `x[i + a]`.
 ///
 /// The weights of a derivative sum to zero, so by summation by parts `sum w_k x_k = sum W_k (x_{k+1} - x_k)` with
 /// `W_k = -(w_0 + ... + w_k)`. On differences a constant gives exactly 0, an offset costs nothing, and W is the better
-/// conditioned kernel. `scale` is a power of two that brings the largest tap to [1/2, 1): float32 taps neither overflow nor underflow.
+/// conditioned kernel. The weights of a smoother sum to one: they are the anchor's sample plus weights that sum to zero.
+/// `scale` is a power of two that brings the largest tap to [1/2, 1): float32 taps neither overflow nor underflow.
 #[derive(Debug)]
 pub struct Taps {
     double: Vec<f64>,
     single: Vec<f32>,
     scale: f64,
     on_differences: bool,
+    anchor: Option<usize>,
 }
 
 impl Taps {
@@ -29,17 +31,17 @@ impl Taps {
         Self::scaled(taps, false)
     }
 
-    /// Taps on first differences of weights that sum to zero up to rounding.
+    /// Taps on first differences of weights that sum to zero up to rounding, or to one with an anchor.
     ///
-    /// Each half is summed from its own end: `W_k = w_{k+1} + ... + w_{L-1}` as well, so that symmetry and the small
-    /// values at both ends are kept.
-    pub fn on_differences(weights: &[f64]) -> Result<Self, Error> {
+    /// Each side of the anchor, by default each half, is summed from its own end: `W_k = w_{k+1} + ... + w_{L-1}` as
+    /// well, so that symmetry and the small values at both ends are kept.
+    pub fn on_differences(weights: &[f64], anchor: Option<usize>) -> Result<Self, Error> {
         let mut taps = try_vec(weights.len().saturating_sub(1), 0.0)?;
-        let half = taps.len().div_ceil(2);
-        let (old, new) = taps.split_at_mut(half);
+        let middle = anchor.unwrap_or(taps.len().div_ceil(2));
+        let (old, new) = taps.split_at_mut(middle);
         accumulate(old.iter_mut().zip(weights), -1.0);
         accumulate(new.iter_mut().rev().zip(weights.iter().rev()), 1.0);
-        Self::scaled(taps, true)
+        Ok(Self { anchor, ..Self::scaled(taps, true)? })
     }
 
     fn scaled(mut double: Vec<f64>, on_differences: bool) -> Result<Self, Error> {
@@ -50,7 +52,7 @@ impl Taps {
         double.iter_mut().for_each(|tap| *tap = libm::ldexp(*tap, -exponent));
         let mut single = try_vec(double.len(), 0.0)?;
         single.iter_mut().zip(&double).for_each(|(single, double)| *single = *double as f32);
-        Ok(Self { double, single, scale: libm::ldexp(1.0, exponent), on_differences })
+        Ok(Self { double, single, scale: libm::ldexp(1.0, exponent), on_differences, anchor: None })
     }
 
     /// Samples that one output reads.
