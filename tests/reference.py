@@ -219,22 +219,23 @@ class Window:
         design = (self.length, self.deriv, self.degree, self.kappa, self.mu)
         return weights(*design, tau, self.rule, self.delta, fit_degree)
 
-    def weights_at(self, sample: int) -> Array:
+    def weights_at(self, sample: int, fit_degree: int | None = None) -> Array:
         """Return the weights at tau_j of a sample, inside the window or not: a fit of degree N (theory section 8.1)."""
         tau = (sample + 0.5) / self.length if self.rule == "exact" else sample / (self.length - 1)
-        return self.weights(tau, self.degree)
+        return self.weights(tau, self.degree if fit_degree is None else fit_degree)
 
     def interior(self) -> tuple[int, Array]:
         """Return the sample of the window that the output belongs to, and the weights there (theory section 7).
 
-        A tau between two samples moves to the nearest one, where it is no root any more: the fit has degree N there.
+        A tau between two samples moves to the nearest one; next to a root the fit keeps its degree N+1 there.
         """
-        tau, _ = resolve_tau(self.length, self.deriv, self.degree, self.kappa, self.mu, self.tau, self.rule)
+        design = (self.length, self.deriv, self.degree, self.kappa, self.mu)
+        tau, is_root = resolve_tau(*design, self.tau, self.rule)
         p = tau * self.length - 0.5 if self.rule == "exact" else tau * (self.length - 1)
         if abs(p - round(p)) <= SAMPLE_TOLERANCE * max(1.0, abs(p)):
             return round(p), self.weights(self.tau)
         nearest = math.floor(p + 0.5 + SAMPLE_TOLERANCE * max(1.0, abs(p)))  # rounding must not decide between two
-        return nearest, self.weights_at(nearest)
+        return nearest, self.weights_at(nearest, min(self.degree + int(is_root), max(self.degree, self.length - 1)))
 
     def estimate(self, samples: Array, w: Array) -> float:
         """Return the dot product of theory section 7; weights that sum to zero see the differences from samples[0]."""

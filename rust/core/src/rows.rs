@@ -10,6 +10,9 @@ use crate::error::{Error, try_vec};
 use crate::fit::Fit;
 use crate::plan::{Plan, Rule};
 
+/// Outputs of one row that are worked on at a time, at most.
+pub const PIECE: usize = 1 << 13;
+
 /// Multiplications between two looks at the stop flag: a few milliseconds.
 const SLICE: usize = 1 << 22;
 
@@ -76,6 +79,13 @@ impl Rows<'_> {
     pub fn outputs(&self) -> usize {
         self.layout.outputs(self.mode, self.plan.design().window_length)
     }
+
+    /// Whether rows are gathered together with their extensions, so that every output is an interior one: columns, and
+    /// rows so short that their ends are most of them.
+    #[must_use]
+    pub fn gathers_ends(&self) -> bool {
+        self.mode.extends() && (self.layout.inner > 1 || self.outputs() <= PIECE)
+    }
 }
 
 /// One row of a contiguous array: every `step`-th sample from `first`.
@@ -100,19 +110,21 @@ pub struct Worker<'a, T> {
     gathered: Vec<T>,
     results: Vec<T>,
     window: Vec<f64>,
+    /// The last fit at an end, and the row and window that it belongs to: a long end comes in several pieces.
+    fitted: Option<((usize, usize), Vec<f64>)>,
 }
 
 impl<'a, T: Sample> Worker<'a, T> {
     /// Memory for one thread.
     pub fn new(rows: Rows<'a>, stop: &'a AtomicBool) -> Result<Self, Error> {
         let scratch = Scratch::new(rows.taps)?;
-        Ok(Self { rows, stop, scratch, gathered: Vec::new(), results: Vec::new(), window: Vec::new() })
+        Ok(Self { rows, stop, scratch, gathered: Vec::new(), results: Vec::new(), window: Vec::new(), fitted: None })
     }
 
     /// Outputs `start..` of the matrix `x` of `(samples, inner)`, as many as `out` of `(outputs, inner)` holds.
     pub fn run(&mut self, x: &[T], start: usize, out: &mut [T], between: &mut impl FnMut()) -> Result<(), Error> {
         let inner = self.rows.layout.inner;
-        if inner == 1 {
+        if inner == 1 && !self.rows.gathers_ends() {
             let (head, body, tail) = self.split(start, out);
             let row = Row { x, step: 1, first: 0 };
             self.end(row, start, head, between)?;
@@ -149,22 +161,12 @@ impl<'a, T: Sample> Worker<'a, T> {
         let mut results = std::mem::take(&mut self.results);
         let mut gathered = std::mem::take(&mut self.gathered);
         resize(&mut results, outputs * width)?;
-        let (first, last) = self.interior_within(start, end);
-        let samples = if first < last { last - first + self.rows.taps.span() - 1 } else { 0 };
-        resize(&mut gathered, samples * width)?;
-        if samples > 0 {
-            let lines = x[self.window_start(first) * inner + column..].chunks(inner);
-            for (index, line) in lines.take(samples).enumerate() {
-                for (offset, sample) in line.iter().take(width).enumerate() {
-                    gathered[offset * samples + index] = *sample;
-                }
-            }
-        }
+        let samples = self.gather(x, (start, end), column, width, &mut gathered)?;
         for (offset, result) in results.chunks_mut(outputs).enumerate() {
             let (head, body, tail) = self.split(start, result);
             let row = Row { x, step: inner, first: column + offset };
             self.end(row, start, head, between)?;
-            self.end(row, last, tail, between)?;
+            self.end(row, end - tail.len(), tail, between)?;
             self.interior(&gathered[offset * samples..(offset + 1) * samples], body, between)?;
         }
         for (index, line) in out[column..].chunks_mut(inner).enumerate() {
@@ -174,6 +176,29 @@ impl<'a, T: Sample> Worker<'a, T> {
         }
         (self.results, self.gathered) = (results, gathered);
         Ok(())
+    }
+
+    /// Gathers the samples that the interior outputs of `start..end` read, one column after another; says how many of each.
+    fn gather(
+        &self,
+        x: &[T],
+        (start, end): (usize, usize),
+        column: usize,
+        width: usize,
+        gathered: &mut Vec<T>,
+    ) -> Result<usize, Error> {
+        let Rows { taps, mode, layout, center, .. } = self.rows;
+        let (first, last) = self.interior_within(start, end);
+        let samples = if first < last { last - first + taps.span() - 1 } else { 0 };
+        resize(gathered, samples * width)?;
+        let constant = T::from_f64(if let Mode::Constant(value) = mode { value } else { 0.0 });
+        for (index, place) in (0..samples).zip(first.cast_signed() - center..) {
+            let line = mode.source(place, layout.samples).map(|source| &x[source * layout.inner + column..][..width]);
+            for offset in 0..width {
+                gathered[offset * samples + index] = line.map_or(constant, |line| line[offset]);
+            }
+        }
+        Ok(samples)
     }
 
     fn stopped(&self) -> bool {
@@ -240,12 +265,16 @@ impl<'a, T: Sample> Worker<'a, T> {
             Rule::Exact => row.get(first).to_f64(),
             Rule::Trapezoid => 0.0,
         };
-        resize(&mut self.window, length)?;
-        for (index, value) in self.window.iter_mut().enumerate() {
-            *value = row.get(first + index).to_f64() - reference;
+        let key = (row.x.as_ptr().wrapping_add(row.first) as usize, first);
+        if self.fitted.as_ref().is_none_or(|(fitted, _)| *fitted != key) {
+            resize(&mut self.window, length)?;
+            for (index, value) in self.window.iter_mut().enumerate() {
+                *value = row.get(first + index).to_f64() - reference;
+            }
+            self.fitted = Some((key, fit.coefficients(&self.window, &Unattended)?));
         }
-        let coefficients = fit.coefficients(&self.window, &Unattended)?;
-        let derivative = fit.derivative(&coefficients, deriv);
+        let coefficients = self.fitted.as_ref().map_or(&[][..], |(_, coefficients)| coefficients);
+        let derivative = fit.derivative(coefficients, deriv);
         let back = if deriv == 0 { reference } else { 0.0 };
         for (value, output) in out.iter_mut().zip(start..) {
             let position = (output.cast_signed() - first.cast_signed()) as f64;

@@ -15,13 +15,10 @@ use crate::engine::Sample;
 use crate::error::Error;
 use crate::plan::Plan;
 pub use crate::rows::Layout;
-use crate::rows::{Rows, Worker};
+use crate::rows::{PIECE, Rows, Worker};
 
 /// Multiplications that make a task worth handing out, and a thread worth starting: a few milliseconds.
 const TASK: usize = 1 << 22;
-
-/// Outputs of one row in a task, at most.
-const PIECE: usize = 1 << 13;
 
 /// How often the thread that was called asks whether to go on.
 const INTERVAL: Duration = Duration::from_millis(40);
@@ -104,7 +101,11 @@ impl Job<'_> {
             interior = (window_length / 2, outputs - window_length / 2);
         }
         let fit = if mode == Mode::Fit && interior != (0, outputs) { Some(plan.fit_for_ends(control)?) } else { None };
-        Ok(Rows { plan, taps, fit, mode, center, interior, layout: self.layout })
+        let mut rows = Rows { plan, taps, fit, mode, center, interior, layout: self.layout };
+        if rows.gathers_ends() {
+            rows.interior = (0, outputs);
+        }
+        Ok(rows)
     }
 
     fn threads_for(&self, work: usize) -> usize {
