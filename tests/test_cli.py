@@ -207,6 +207,8 @@ def test_csv_keeps_nan(x):
         ("a,b\n1,2\n3,oops\n", "line 3, column 1 must be a number, got 'oops'"),
         ("1,2\n3,4,5\n", "line 2 must have 2 columns as the rows before it, got 3"),
         ("a,b\n1,2\n\n3\n", "line 4 must have 2 columns as the rows before it, got 1"),
+        ("a\n1\n2\n\n4\n", "line 4 must hold numbers, got nothing"),
+        ("1,2\n\n3,4\n", "line 2 must hold numbers, got nothing"),
         ("a,b\n1,2,3\n4,5,6\n", "the rows must have 2 columns as the first, got 3"),
         ("a,b,c\n1,2\n4,5\n", "the rows must have 3 columns as the first, got 2"),
         ("a\n1\n \n", "line 3, column 0 must be a number, got ' '"),
@@ -226,7 +228,7 @@ def test_malformed_csv(capsys, text, message):
 
 
 @pytest.mark.parametrize(
-    "text", ['"1","2"\n"3","4"\n', "1,2\n\n3,4\n\n", "1 , 2\n3, 4", "a,b\n1,2\n3,4\n", '"a","b"\r\n1,2\r\n3,4']
+    "text", ['"1","2"\n"3","4"\n', "1,2\n3,4\n\n", "1 , 2\n3, 4", "a,b\n1,2\n3,4\n", '"a","b"\r\n1,2\r\n3,4']
 )
 def test_csv_spellings(text):
     Path("x.csv").write_text(text, encoding="utf-8", newline="")

@@ -56,7 +56,15 @@ NAN, INF = float("nan"), float("inf")
         (ValueError, "fs must be finite and positive", {"fs": 0}),
         (ValueError, "fs must be finite and positive", {"fs": NAN}),
         (ValueError, "rule must be 'exact' or 'trapezoid', got 'simpson'", {"rule": "simpson"}),
-        (TypeError, "rule must be a word", {"rule": None}),
+        (TypeError, "rule must be 'exact' or 'trapezoid', got None", {"rule": None}),
+        (TypeError, "kappa must be a real number", {"kappa": np.complex128(1 + 1j)}),
+        (TypeError, "mu must be a real number", {"mu": np.array("1")}),
+        (TypeError, "delta must be a real number", {"delta": np.array(True)}),
+        (ValueError, r"kappa must be .* at most 1e4, got 1e300", {"kappa": 1e300}),
+        (ValueError, r"tau must be .* at most 1e6 in size", {"tau": 8.4e17}),
+        (ValueError, r"delay must be at most 1e6 windows long, got 1e300", {"delay": 1e300}),
+        (ValueError, r"fs must be finite and positive, got 1e-320", {"fs": 1e-320}),
+        (ValueError, r"deriv must be small enough for values that are finite", {"deriv": 150, "window_length": 400}),
         (ValueError, "kappa must be at least 0 with rule = 'trapezoid'", {"rule": "trapezoid", "kappa": -0.5}),
     ],
 )
@@ -77,6 +85,7 @@ def test_wrong_arguments_are_named(error: type[Exception], match: str, options: 
         (TypeError, "cval must be a real number", {"mode": "constant", "cval": 1j}),
         (ValueError, "axis must be from -2 to 1 for 2 dimensions, got 2", {"axis": 2}),
         (TypeError, "axis must be an integer", {"axis": None}),
+        (TypeError, "axis must be an integer", {"axis": True}),
         (ValueError, "threads must be an integer of at least 1", {"threads": 0}),
         (TypeError, "threads must be an integer", {"threads": 1.0}),
         (TypeError, "out must be an array, got list", {"out": [0.0]}),
@@ -120,6 +129,8 @@ def test_out_must_not_be_the_input() -> None:
             algdiff.differentiate(x, 11, out=out)
     with pytest.raises(ValueError, match="out must not overlap x"):
         algdiff.differentiate(x[:99], 11, out=x[1:])
+    with pytest.raises(ValueError, match="out must have a place for every element"):
+        algdiff.differentiate(x, 11, out=np.lib.stride_tricks.as_strided(np.zeros(1), (100,), (0,)))
     read_only = np.zeros(100)
     read_only.flags.writeable = False
     with pytest.raises(ValueError, match="out must be writeable"):
@@ -152,8 +163,13 @@ def test_a_design_never_changes() -> None:
             thing.tau = 0.3
         with pytest.raises(AttributeError):
             thing.unheard_of = 1  # type: ignore[union-attr]
+        with pytest.raises(AttributeError, match="does not change"):
+            del thing.tau
+    d = algdiff.Differentiator(11)
     with pytest.raises(ValueError, match="read-only"):
-        algdiff.Differentiator(11).weights[0] = 1
+        d.weights[0] = 1
+    with pytest.raises(ValueError, match="WRITEABLE"):
+        d.weights.setflags(write=True)
 
 
 @pytest.mark.parametrize(
@@ -191,6 +207,12 @@ def test_replace() -> None:
     assert d.replace() == d
     assert d.replace(delay=0.5).delay == pytest.approx(0.5)
     assert d.replace(fs=100).delta == 0.01
+    # Words and defaults are those that were given, not what they came to.
+    assert d.replace(degree=5, window_length=60).exactness == 6
+    assert d.replace(deriv=3).degree == 5
+    assert algdiff.Differentiator(21, tau="newest").replace(window_length=41).delay_samples == 0
+    assert algdiff.Differentiator(21, delay=2.0).replace(delta=0.5).delay_samples == 4
+    assert algdiff.Differentiator(21, delay=2.0).replace(tau=0.5).tau == 0.5
     with pytest.raises(ValueError, match="give tau or delay"):
         d.replace(tau=0.5, delay=0.5)
     with pytest.raises(TypeError, match="windw"):

@@ -142,6 +142,30 @@ def test_a_constant_differentiates_to_exactly_zero(value: float, dtype: Any) -> 
                 assert not d(x, mode=mode).any()
 
 
+@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.complex64])
+@pytest.mark.parametrize("length", [1, 2, 11, 100, 5001])
+def test_a_constant_stays_itself_when_smoothed(length: int, dtype: Any) -> None:
+    x = np.full(6000, 1.1, dtype)
+    d = algdiff.Differentiator(length, 0, degree=min(2, length - 1))
+    for mode in ["valid", "nearest", "mirror", "wrap"]:
+        np.testing.assert_array_equal(d(x, mode=mode), x[: len(d(x, mode=mode))])
+    np.testing.assert_allclose(d(x), x, rtol=2 * float(np.finfo(dtype).eps), atol=0)
+
+
+@pytest.mark.parametrize("length", [6, 20, 21, 60])
+def test_a_root_keeps_its_degree_in_the_interior_of_every_mode(length: int) -> None:
+    t = np.arange(200.0) - 100
+    for tau in ["root", "center"]:
+        d = algdiff.Differentiator(length, degree=3, tau=tau)
+        polynomial = np.polynomial.Polynomial.basis(d.exactness)
+        x = polynomial(t)
+        bound = 64 * sum_bound(d.weights, x[100 - length : 100 + length])
+        for mode in ["fit", "nan", "wrap"]:
+            got = d(x, mode=mode)[100 - length // 2 : 100 + length // 2]
+            expected = polynomial.deriv()(t)[100 - length // 2 : 100 + length // 2]
+            np.testing.assert_allclose(got, expected, rtol=0, atol=bound)
+
+
 @pytest.mark.parametrize(("length", "deriv", "options"), DESIGNS, ids=IDS)
 def test_an_offset_costs_no_more_than_the_rounding_of_the_data(
     length: int, deriv: int, options: dict[str, Any]

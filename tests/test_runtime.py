@@ -29,6 +29,7 @@ LONG_CALLS = {
     "columns": "algdiff.differentiate(np.zeros((20_000, 2_000)), 2001, axis=0, threads=THREADS)",
     "short rows": "algdiff.differentiate(np.zeros((2_000_000, 30)), 29, threads=THREADS, degree=5)",
     "a huge window": "algdiff.differentiate(np.zeros(1_200_000), 1_000_000, mode='valid', threads=THREADS)",
+    "a kernel at many points": "algdiff.Kernel(1, 100)(np.linspace(0, 1, 20_000_000))",
     "an extended end": "algdiff.differentiate(np.zeros(400_000), 300_001, mode='wrap', threads=THREADS)",
     "a huge design": "algdiff.Differentiator(10_000_000, degree=40)",
 }
@@ -193,6 +194,22 @@ def test_memory_that_cannot_be_had_is_an_error_and_nothing_is_lost() -> None:
     """)
     assert result.stdout.count("MemoryError") == 2, result.stdout + result.stderr
     assert result.stdout.endswith("alive\n")
+
+
+def test_threads_that_cannot_be_started_are_done_without() -> None:
+    result = run_python("""
+        import resource
+        import numpy as np
+        import algdiff
+
+        design, x = algdiff.Differentiator(10_001), np.ones(400_000)
+        expected = design(x, mode="valid", threads=1)
+        used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (used + 2**27, -1))
+        assert design(x, mode="valid", threads=10**6).tobytes() == expected.tobytes()
+        print("alive")
+    """)
+    assert result.stdout == "alive\n", result.stderr
 
 
 def test_calls_do_not_leak() -> None:

@@ -140,6 +140,32 @@ def test_scipys_own_limits(wrong: dict[str, Any]) -> None:
         algdiff.savgol_filter(np.zeros(40), **options)
 
 
+@pytest.mark.parametrize(("window_length", "polyorder"), [(41, 40), (51, 50), (61, 60), (101, 100)])
+def test_what_rounding_would_spoil_is_refused(window_length: int, polyorder: int) -> None:
+    # Unrefused, 61 samples err by 11 at the ends, and 51 by 1e-3 in the middle.
+    x = np.random.default_rng(0).standard_normal(300)
+    for mode in MODES:
+        with pytest.raises(ValueError, match=f"degree {polyorder} is too high for window_length {window_length}"):
+            algdiff.savgol_filter(x, window_length, polyorder, mode=mode)
+    # Half the degree is known everywhere: it reproduces polynomials, at the ends too.
+    t = np.linspace(-1, 1, 300)
+    got = algdiff.savgol_filter(t**3, window_length, polyorder // 2)
+    np.testing.assert_allclose(got, t**3, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("window_length", [11, 501, 10_001])
+def test_single_precision_smooths_data_with_a_large_mean(window_length: int) -> None:
+    rng = np.random.default_rng(0)
+    x = (1e4 + np.cumsum(rng.standard_normal(20_000))).astype(np.float32)
+    exact = algdiff.savgol_filter(x.astype(np.float64), window_length, 2)
+    got = algdiff.savgol_filter(x, window_length, 2)
+    # The mean costs one rounding; the variation in a window, about 2 sqrt(window), is summed in single precision.
+    spread = 2 * np.sqrt(window_length)
+    ulp = float(np.spacing(np.float32(x.max())))
+    atol = ulp + np.sqrt(window_length) * spread * float(np.finfo(np.float32).eps)
+    np.testing.assert_allclose(got, exact, rtol=0, atol=atol)
+
+
 def test_high_degrees_are_taken_without_a_warning() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")

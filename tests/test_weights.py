@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import math
 import warnings
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -105,6 +107,35 @@ def test_trapezoid_says_what_it_leaks() -> None:
     assert slight.weights @ (np.arange(61) / 60) - 1 == pytest.approx(-1.6e-6, rel=0.05)
 
 
+@pytest.mark.parametrize(
+    ("length", "deriv", "degree", "exponent"), [(13, 5, 9, 100), (9, 1, 3, 50), (13, 2, 4, 300), (15, 0, 10, 40)]
+)
+def test_large_exponents_on_short_windows(length: int, deriv: int, degree: int, exponent: int) -> None:
+    """Weights over hundreds of powers of ten, against the same fit in rational arithmetic."""
+    places = [Fraction(2 * j + 1, 2 * length) for j in range(length)]
+    base = [place**exponent * (1 - place) ** exponent for place in places]
+    offsets = [place - places[-2] for place in places]
+    size = degree + 1
+    rows = [
+        [sum(w * t ** (a + b) for w, t in zip(base, offsets, strict=True)) for b in range(size)] for a in range(size)
+    ]
+    right = [Fraction(math.factorial(deriv) if a == deriv else 0) for a in range(size)]
+    for pivot in range(size):  # Gauss and Jordan
+        for row in range(size):
+            if row != pivot:
+                factor = rows[row][pivot] / rows[pivot][pivot]
+                rows[row] = [x - factor * y for x, y in zip(rows[row], rows[pivot], strict=True)]
+                right[row] -= factor * right[pivot]
+    solution = [right[a] / rows[a][a] for a in range(size)]
+    expected = np.array(
+        [float(w * sum(c * t**a for a, c in enumerate(solution))) for w, t in zip(base, offsets, strict=True)]
+    )
+    tau = float(places[-2])
+    ours = design(length, deriv, degree=degree, kappa=exponent, mu=exponent, tau=tau, delta=1 / length)
+    # The point itself is rounded: half an eps of tau costs the next derivative's weights times that much.
+    np.testing.assert_allclose(ours.weights, expected, rtol=0, atol=64 * length * EPS * np.abs(expected).max())
+
+
 @pytest.mark.parametrize("length", [100_001, 1_000_000])
 def test_long_windows_meet_their_moments(length: int) -> None:
     ours = design(length, 2, degree=5, kappa=0.5, mu=2.0, tau="root", delta=1 / length)
@@ -132,7 +163,8 @@ def test_a_degree_too_high_is_an_error_and_a_high_one_a_warning() -> None:
     with pytest.raises(ValueError, match="degree 59 is too high for window_length 60"):
         design(60, 1, degree=59, kappa=0, mu=0, tau="newest")
     with pytest.warns(
-        algdiff.DesignWarning, match=r"degree 16 exceeds 1\.5 sqrt\(window_length\) = 15\.1.*noise gain is"
+        algdiff.DesignWarning,
+        match=r"degree 16 exceeds 1\.5 sqrt\(window_length\) = 15\.1.*the noise gain grows steeply; it is 0.004",
     ) as caught:
         algdiff.Differentiator(101, degree=16)
     assert caught[0].filename == __file__

@@ -17,6 +17,16 @@ if TYPE_CHECKING:
 SIGNAL = np.cumsum(np.random.default_rng(42).standard_normal(64))
 
 
+class Table:
+    """Has columns that happen to be named as the attributes of a quantity with units, as a data frame may."""
+
+    def __init__(self) -> None:
+        self.magnitude, self.unit, self.value = SIGNAL, SIGNAL, SIGNAL
+
+    def __array__(self, dtype: Any = None, copy: Any = None) -> np.ndarray:
+        return SIGNAL.astype(dtype or float)
+
+
 def awkward() -> Iterator[tuple[str, Any]]:
     """Yield arrays, and other sequences, that hold `SIGNAL` in every layout and dtype that a caller may bring."""
     x = SIGNAL
@@ -52,6 +62,7 @@ def awkward() -> Iterator[tuple[str, Any]]:
     yield "subclass", x.view(np.recarray)
     yield "memoryview", memoryview(x.copy())
     yield "array protocol", type("Holder", (), {"__array__": lambda *_, **__: SIGNAL.copy()})()
+    yield "table with a column named magnitude", Table()
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "x.npy"
         np.save(path, x)

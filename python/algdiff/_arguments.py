@@ -19,19 +19,26 @@ def integer(name: str, value: object, least: int) -> int:
         number = operator.index(value)  # type: ignore[arg-type]
     except TypeError:
         raise TypeError(f"{name} must be an integer, got {value!r}") from None
-    if not least <= number <= sys.maxsize:
+    if number < least:
         raise ValueError(f"{name} must be an integer of at least {least}, got {number}")
+    if number > sys.maxsize:
+        raise ValueError(f"{name} must be at most {sys.maxsize}, got {number}")
     return number
 
 
 def real(name: str, value: object) -> float:
     """Return `value` as a float."""
     try:
-        if isinstance(value, (str, bytes, bool, np.bool_)):
+        if isinstance(value, (str, bytes, bool)) or (hasattr(value, "dtype") and value.dtype.kind not in "fiu"):
             raise TypeError
         return float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         raise TypeError(f"{name} must be a real number, got {value!r}") from None
+
+
+def number(name: str, value: object) -> complex:
+    """Return `value` as a complex number."""
+    return complex(value) if isinstance(value, (complex, np.complexfloating)) else complex(real(name, value))
 
 
 def word_or_real(name: str, value: object) -> str | float:
@@ -46,7 +53,7 @@ def sampling_step(delta: object, fs: object) -> float:
     if delta is not None:
         raise ValueError(f"give delta or fs, not both: got delta = {delta!r} and fs = {fs!r}")
     rate = real("fs", fs)
-    if not 0 < rate < float("inf"):
+    if not (0 < rate < float("inf") and 1.0 / rate < float("inf")):
         raise ValueError(f"fs must be finite and positive, got {rate}")
     return 1.0 / rate
 
@@ -66,6 +73,8 @@ def thread_count(threads: object) -> int:
 def axis_index(axis: object, ndim: int) -> int:
     """Return `axis` counted from the front."""
     try:
+        if isinstance(axis, (bool, np.bool_)):
+            raise TypeError
         index = operator.index(axis)  # type: ignore[arg-type]
     except TypeError:
         raise TypeError(f"axis must be an integer, got {axis!r}") from None
@@ -84,7 +93,8 @@ def samples(name: str, values: ArrayLike) -> Samples:
         if np.ma.is_masked(values):
             raise TypeError(f"{name} is a masked array with masked values: fill them, or split {name} at the gaps")
         values = np.ma.getdata(values)
-    if hasattr(values, "magnitude") or (hasattr(values, "unit") and hasattr(values, "value")):
+    kind = type(values)  # not the object: a table may have columns of these names
+    if hasattr(kind, "magnitude") or (hasattr(kind, "unit") and hasattr(kind, "value")):
         raise TypeError(f"{name} carries units, which would be lost: pass its plain numbers and scale the result")
     try:
         array = np.asarray(values)
@@ -120,6 +130,8 @@ def output(out: object, shape: tuple[int, ...], dtype: DTypeLike, x: Samples) ->
         raise TypeError(f"out must have dtype {np.dtype(dtype)}, got {out.dtype}")
     if not out.flags.writeable:
         raise ValueError("out must be writeable, got a read-only array")
+    if any(step == 0 and size > 1 for step, size in zip(out.strides, out.shape, strict=True)):
+        raise ValueError("out must have a place for every element, got a broadcast array")
     if np.may_share_memory(out, x):
         raise ValueError("out must not overlap x, got arrays that may share memory")
     return out

@@ -1,5 +1,9 @@
 """Differentiation for once: two lines over the object."""
 
+from __future__ import annotations
+
+from typing import SupportsIndex
+
 from numpy.typing import ArrayLike
 
 from algdiff._arguments import Samples
@@ -8,10 +12,10 @@ from algdiff._differentiator import Differentiator
 
 def differentiate(
     x: ArrayLike,
-    window_length: int,
-    deriv: int = 1,
+    window_length: SupportsIndex,
+    deriv: SupportsIndex = 1,
     *,
-    degree: int | None = None,
+    degree: SupportsIndex | None = None,
     kappa: float = 1.0,
     mu: float = 1.0,
     tau: float | str | None = None,

@@ -1,9 +1,11 @@
 """A design to use again and again."""
 
+from __future__ import annotations
+
 import math
 import sys
 import warnings
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -63,7 +65,8 @@ class Differentiator:
     noise_gain : float
         Sum of the squared weights: variance of the estimate over variance of white noise in the samples.
     exactness : int
-        Polynomials up to this degree are differentiated exactly at `tau`; -1 if not even a constant is ("trapezoid").
+        Polynomials up to this degree are differentiated exactly at `tau`, and in the interior of every mode; the ends
+        are fitted with `degree`. -1 if not even a constant is ("trapezoid").
     kernel : Kernel
         The continuous kernel that the weights discretise.
 
@@ -96,8 +99,21 @@ class Differentiator:
     True
     """
 
-    __slots__ = ("_plan", "_weights", "degree", "delta", "deriv", "kappa", "mu", "rule", "tau", "window_length")
+    __slots__ = (
+        "_asked",
+        "_plan",
+        "_weights",
+        "degree",
+        "delta",
+        "deriv",
+        "kappa",
+        "mu",
+        "rule",
+        "tau",
+        "window_length",
+    )
 
+    _asked: dict[str, Any]
     _plan: Plan
     _weights: NDArray[np.float64]
     window_length: int
@@ -111,10 +127,10 @@ class Differentiator:
 
     def __init__(
         self,
-        window_length: int,
-        deriv: int = 1,
+        window_length: SupportsIndex,
+        deriv: SupportsIndex = 1,
         *,
-        degree: int | None = None,
+        degree: SupportsIndex | None = None,
         kappa: float = 1.0,
         mu: float = 1.0,
         tau: float | str | None = None,
@@ -126,34 +142,44 @@ class Differentiator:
         if tau is not None and delay is not None:
             raise ValueError(f"give tau or delay, not both: got tau = {tau!r} and delay = {delay!r}")
         if not isinstance(rule, str):
-            raise TypeError(f"rule must be a word, got {rule!r}")
-        deriv = arguments.integer("deriv", deriv, 0)
-        values: dict[str, Any] = {
-            "window_length": arguments.integer("window_length", window_length, 1),
-            "deriv": deriv,
-            "degree": deriv + 2 if degree is None else arguments.integer("degree", degree, 0),
-            "kappa": arguments.real("kappa", kappa),
-            "mu": arguments.real("mu", mu),
-            "delta": arguments.sampling_step(delta, fs),
-            "rule": rule,
-        }
-        if delay is not None:
-            self._set(Plan(**values, delay=arguments.real("delay", delay)), values)
-        else:
-            self._set(Plan(**values, tau="center" if tau is None else arguments.word_or_real("tau", tau)), values)
+            raise TypeError(f"rule must be 'exact' or 'trapezoid', got {rule!r}")
+        self._set(
+            {
+                "window_length": arguments.integer("window_length", window_length, 1),
+                "deriv": arguments.integer("deriv", deriv, 0),
+                "degree": None if degree is None else arguments.integer("degree", degree, 0),
+                "kappa": arguments.real("kappa", kappa),
+                "mu": arguments.real("mu", mu),
+                "tau": None if tau is None else arguments.word_or_real("tau", tau),
+                "delay": None if delay is None else arguments.real("delay", delay),
+                "delta": arguments.sampling_step(delta, fs),
+                "rule": rule,
+            }
+        )
         limit = 1.5 * math.sqrt(self.window_length)
         if self.degree > limit:
             message = (
                 f"degree {self.degree} exceeds 1.5 sqrt(window_length) = {limit:.3g}: "
-                f"noise is amplified, the noise gain is {self.noise_gain:.3g}"
+                f"from there on the noise gain grows steeply; it is {self.noise_gain:.3g}"
             )
             warnings.warn(message, DesignWarning, stacklevel=_outside())
 
-    def _set(self, plan: Plan, values: dict[str, Any]) -> None:
+    def _set(self, asked: dict[str, Any]) -> None:
+        """Design from checked arguments; what was left out is None."""
+        values = dict(asked)
+        if values["degree"] is None:
+            values["degree"] = values["deriv"] + 2
+        if values["tau"] is None and values["delay"] is None:
+            values["tau"] = "center"
+        plan = Plan(**values)
         weights = np.empty(values["window_length"])
         plan.weights(weights)
         weights.flags.writeable = False
-        for name, value in {**values, "tau": plan.tau, "_plan": plan, "_weights": weights}.items():
+        del values["delay"]
+        for name, value in {**values, "tau": plan.tau}.items():
+            object.__setattr__(self, name, value)
+        # A view of a read-only array cannot be made writeable again.
+        for name, value in {"_plan": plan, "_weights": weights.view(), "_asked": asked}.items():
             object.__setattr__(self, name, value)
 
     def __call__(
@@ -250,8 +276,11 @@ class Differentiator:
         """The continuous kernel that the weights discretise."""
         return Kernel(self.deriv, self.degree, self.kappa, self.mu, self.tau)
 
-    def replace(self, **changes: Any) -> "Differentiator":
-        """Return a design with some arguments changed; `delay` replaces `tau`, and `fs` replaces `delta`.
+    def replace(self, **changes: Any) -> Differentiator:
+        """Return a design with some arguments changed, the others as they were given.
+
+        Words and defaults are resolved anew: "newest" stays the newest sample under another window length. `delay` and
+        `tau` replace each other, and so do `fs` and `delta`.
 
         Parameters
         ----------
@@ -261,14 +290,13 @@ class Differentiator:
         Examples
         --------
         >>> from algdiff import Differentiator
-        >>> Differentiator(21, delta=0.1).replace(window_length=41).window_length
-        41
+        >>> Differentiator(21, tau="newest").replace(window_length=41).delay_samples
+        0.0
         """
-        values = dict(zip(self._names, self._key, strict=True))
-        if changes.get("delay") is not None:
-            del values["tau"]
-        if changes.get("fs") is not None:
-            del values["delta"]
+        values = dict(self._asked)
+        for change, replaced in (("tau", "delay"), ("delay", "tau"), ("fs", "delta")):
+            if changes.get(change) is not None:
+                values[replaced] = None
         return Differentiator(**{**values, **changes})
 
     _names = ("window_length", "deriv", "degree", "kappa", "mu", "tau", "delta", "rule")
@@ -280,6 +308,9 @@ class Differentiator:
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"a Differentiator does not change: cannot set {name}, see replace()")
 
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"a Differentiator does not change: cannot delete {name}")
+
     def __eq__(self, other: object) -> bool:
         return self._key == other._key if isinstance(other, Differentiator) else NotImplemented
 
@@ -287,19 +318,17 @@ class Differentiator:
         return hash(self._key)
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
-        return _rebuild, self._key
+        return _rebuild, (self._asked,)
 
     def __repr__(self) -> str:
         words = ", ".join(f"{name}={value!r}" for name, value in zip(self._names, self._key, strict=True))
         return f"Differentiator({words})"
 
 
-def _rebuild(*key: Any) -> Differentiator:
+def _rebuild(asked: dict[str, Any]) -> Differentiator:
     """Undo `Differentiator.__reduce__`; whoever made the design has had its warning."""
-    values = dict(zip(Differentiator._names, key, strict=True))
-    tau = values.pop("tau")
     design = object.__new__(Differentiator)
-    design._set(Plan(**values, tau=tau), values)
+    design._set(asked)
     return design
 
 

@@ -208,6 +208,9 @@ def _read_csv(path: Path, columns: Sequence[str] | None) -> Table:
         raise ValueError(f"{path}: not UTF-8 text ({error})") from None
     if array.size == 0:
         raise ValueError(f"{path}: holds no numbers")
+    blank = _blank_line(path, array.shape[0] + bool(header))
+    if blank is not None:
+        raise ValueError(f"{path}: line {blank} must hold numbers, got nothing: a sample is missing there")
     if array.shape[1] != len(names):
         raise ValueError(f"{path}: the rows must have {len(names)} columns as the first, got {array.shape[1]}")
     chosen = _positions(path, header, len(names), columns)
@@ -240,6 +243,15 @@ def _fault(file: TextIO, delimiter: str, header: Sequence[str] | None) -> str | 
         for position, field in enumerate(row):
             if not _is_number(field):
                 return f"line {rows.line_num}, column {position} must be a number, got {field!r}"
+    return None
+
+
+def _blank_line(path: Path, rows: int) -> int | None:
+    """Return the number of the first blank line among the first `rows` lines; blank lines at the end do not count."""
+    with open(path, encoding="utf-8-sig", newline="") as file:
+        for index, line in zip(range(rows), file, strict=False):
+            if not line.strip():
+                return index + 1
     return None
 
 

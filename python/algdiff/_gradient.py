@@ -1,6 +1,8 @@
 """`numpy.gradient` with a window."""
 
-from typing import Any, cast
+from __future__ import annotations
+
+from typing import Any, SupportsIndex, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,7 +17,7 @@ def gradient(
     *varargs: ArrayLike,
     axis: int | tuple[int, ...] | None = None,
     edge_order: int = 1,
-    window_length: int | None = None,
+    window_length: SupportsIndex | None = None,
     **window: Any,
 ) -> Samples | tuple[Samples, ...]:
     """Return the gradient of an array: the arguments and the result of `numpy.gradient`, or by a window where noise is.
@@ -29,7 +31,7 @@ def gradient(
         Samples of a function of as many variables as `f` has dimensions.
     *varargs : float or array_like, optional
         Spacing: one number for all axes, or for each axis a number or the coordinates of the samples. With a window
-        the coordinates must be even to 1e-9 of their range; they may descend.
+        the coordinates must be even to 1e-9 of their range and their own rounding; they may descend.
     axis : int or tuple of int, optional
         The axes along which to differentiate; default all.
     edge_order : {1, 2}
@@ -43,7 +45,8 @@ def gradient(
     Returns
     -------
     ndarray or tuple of ndarray
-        The derivative along every axis, each in the shape of `f`; a tuple for several axes.
+        The derivative along every axis, each in the shape of `f` (in mode "valid" shorter along its axis); a tuple for
+        several axes.
 
     Raises
     ------
@@ -59,15 +62,15 @@ def gradient(
     >>> bool(np.allclose(along_y, 2 * x * y) and np.allclose(along_x, y**2))
     True
     """
+    unknown = window.keys() - _DESIGN - _CALL
+    if unknown:
+        raise TypeError(f"gradient got unexpected keywords: {', '.join(sorted(unknown))}")
     if window_length is None:
         if window:
             raise ValueError(f"{', '.join(window)} must come with window_length, got none")
         numpy_gradient: Any = np.gradient  # whose overloads do not know an ArrayLike
         plain = numpy_gradient(f, *varargs, axis=axis, edge_order=edge_order)
         return tuple(plain) if isinstance(plain, (list, tuple)) else cast("Samples", plain)
-    unknown = window.keys() - _DESIGN - _CALL
-    if unknown:
-        raise TypeError(f"gradient got unexpected keywords: {', '.join(sorted(unknown))}")
     if edge_order not in (1, 2):
         raise ValueError(f"edge_order must be 1 or 2, got {edge_order!r}")
     values = arguments.samples("f", f)
@@ -88,7 +91,7 @@ _CALL = {"mode", "cval", "threads"}
 def _axes(axis: int | tuple[int, ...] | None, ndim: int) -> list[int]:
     if axis is None:
         return list(range(ndim))
-    axes = [arguments.axis_index(one, ndim) for one in (axis if isinstance(axis, tuple) else (axis,))]
+    axes = [arguments.axis_index(one, ndim) for one in (axis if isinstance(axis, (tuple, list)) else (axis,))]
     if len(set(axes)) < len(axes):
         raise ValueError(f"axis must name every axis once, got {axis}")
     return axes
@@ -114,7 +117,9 @@ def _step(spacing: ArrayLike, size: int) -> float:
             raise ValueError(f"coordinates must have shape ({size},), got {coordinates.shape}")
         step = float(coordinates[-1] - coordinates[0]) / max(size - 1, 1)
         uneven = np.abs(coordinates - (coordinates[0] + step * np.arange(size))).max()
-        if not uneven <= 1e-9 * abs(step) * size:
+        given = np.asarray(spacing).dtype
+        rounding = 4 * float(np.finfo(given if given.kind == "f" else np.float64).eps) * np.abs(coordinates).max()
+        if not uneven <= 1e-9 * abs(step) * size + rounding:
             steps = np.diff(coordinates)
             raise ValueError(
                 "coordinates must be evenly spaced to use a window, "

@@ -1,6 +1,8 @@
 """The continuous kernel."""
 
-from typing import Any
+from __future__ import annotations
+
+from typing import Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -75,13 +77,18 @@ class Kernel:
     tau: float
 
     def __init__(
-        self, deriv: int, degree: int | None = None, kappa: float = 1.0, mu: float = 1.0, tau: float | str = "center"
+        self,
+        deriv: SupportsIndex,
+        degree: SupportsIndex | None = None,
+        kappa: float = 1.0,
+        mu: float = 1.0,
+        tau: float | str = "center",
     ) -> None:
-        deriv = arguments.integer("deriv", deriv, 0)
-        degree = deriv + 2 if degree is None else arguments.integer("degree", degree, 0)
+        order = arguments.integer("deriv", deriv, 0)
+        size = order + 2 if degree is None else arguments.integer("degree", degree, 0)
         kappa, mu = arguments.real("kappa", kappa), arguments.real("mu", mu)
-        kernel = _core.Kernel(deriv, degree, kappa, mu, arguments.word_or_real("tau", tau))
-        for name, value in zip(self.__slots__, (kernel, degree, deriv, kappa, mu, kernel.tau), strict=True):
+        kernel = _core.Kernel(order, size, kappa, mu, arguments.word_or_real("tau", tau))
+        for name, value in zip(self.__slots__, (kernel, size, order, kappa, mu, kernel.tau), strict=True):
             object.__setattr__(self, name, value)
 
     def __call__(self, points: ArrayLike) -> Any:
@@ -135,6 +142,9 @@ class Kernel:
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"a Kernel does not change: cannot set {name}")
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"a Kernel does not change: cannot delete {name}")
 
     def __eq__(self, other: object) -> bool:
         return self._key == other._key if isinstance(other, Kernel) else NotImplemented

@@ -11,6 +11,8 @@ from algdiff import _arguments as arguments
 from algdiff._arguments import Samples
 from algdiff._core import Plan
 
+MODES = ("fit", "valid", "nan", "nearest", "mirror", "wrap", "constant")
+
 Progress = Callable[[float], object]
 
 
@@ -32,7 +34,7 @@ def run(
     x = arguments.samples("x", x)
     axis = arguments.axis_index(axis, x.ndim)
     if not isinstance(mode, str):
-        raise TypeError(f"mode must be a word, got {mode!r}")
+        raise TypeError(f"mode must be a word, one of {', '.join(map(repr, MODES))}, got {mode!r}")
     length = max(x.shape[axis] + 1 - window_length, 0) if mode == "valid" else x.shape[axis]
     result = arguments.output(out, (*x.shape[:axis], length, *x.shape[axis + 1 :]), x.dtype, np.asanyarray(given))
     layout = (math.prod(x.shape[:axis]), x.shape[axis], math.prod(x.shape[axis + 1 :]))
@@ -42,7 +44,7 @@ def run(
         "progress": progress,
     }
     if x.dtype.kind == "c":
-        cval = complex(cval)
+        cval = arguments.number("cval", cval)
         result.real = _pass(plan, x.real, result.shape, layout, mode, cval.real, options)
         result.imag = _pass(plan, x.imag, result.shape, layout, mode, cval.imag, options)
         return result

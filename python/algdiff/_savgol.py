@@ -1,5 +1,9 @@
 """SciPy's Savitzky-Golay functions: the members of the family with kappa = mu = 0."""
 
+from __future__ import annotations
+
+from typing import SupportsIndex
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -13,9 +17,9 @@ _MODES = {mode: mode for mode in ("mirror", "nearest", "constant", "wrap")} | {"
 
 def savgol_filter(
     x: ArrayLike,
-    window_length: int,
-    polyorder: int,
-    deriv: int = 0,
+    window_length: SupportsIndex,
+    polyorder: SupportsIndex,
+    deriv: SupportsIndex = 0,
     delta: float = 1.0,
     axis: int = -1,
     mode: str = "interp",
@@ -68,23 +72,28 @@ def savgol_filter(
     >>> bool(np.allclose(savgol_filter(np.arange(7.0) ** 2, 5, 2, deriv=1), [0, 2, 4, 6, 8, 10, 12]))
     True
     """
-    if mode not in _MODES:
+    if not isinstance(mode, str) or mode not in _MODES:
         raise ValueError(f"mode must be 'mirror', 'constant', 'nearest', 'wrap' or 'interp', got {mode!r}")
-    window_length, polyorder, deriv, step = _check(window_length, polyorder, deriv, delta)
-    plan = _plan(window_length, polyorder, min(deriv, polyorder), step, (window_length - 1) / 2)
-    even = window_length % 2 == 0
-    result = run(plan, window_length, x, axis=axis, mode=_MODES[mode], cval=cval, half_sample=even, threads=threads)
-    if deriv > polyorder:
+    length, degree, order, step = _check(window_length, polyorder, deriv, delta)
+    shape = np.shape(x) if mode == "interp" else ()
+    if shape and length > shape[arguments.axis_index(axis, len(shape))]:
+        raise ValueError(
+            f"window_length must be at most the size of x along axis {axis} in mode 'interp', got {length}"
+        )
+    plan = _plan(length, degree, min(order, degree), step, (length - 1) / 2)
+    even = length % 2 == 0
+    result = run(plan, length, x, axis=axis, mode=_MODES[mode], cval=cval, half_sample=even, threads=threads)
+    if order > degree:
         result *= 0
-    elif step < 0 and deriv % 2:
+    elif step < 0 and order % 2:
         np.negative(result, out=result)
     return result
 
 
 def savgol_coeffs(
-    window_length: int,
-    polyorder: int,
-    deriv: int = 0,
+    window_length: SupportsIndex,
+    polyorder: SupportsIndex,
+    deriv: SupportsIndex = 0,
     delta: float = 1.0,
     pos: float | None = None,
     use: str = "conv",
@@ -123,15 +132,15 @@ def savgol_coeffs(
     """
     if use not in ("conv", "dot"):
         raise ValueError(f"use must be 'conv' or 'dot', got {use!r}")
-    window_length, polyorder, deriv, step = _check(window_length, polyorder, deriv, delta)
-    position = (window_length - 1) / 2 if pos is None else arguments.real("pos", pos)
-    if not 0 <= position < window_length:
-        raise ValueError(f"pos must be at least 0 and less than window_length = {window_length}, got {position}")
-    plan = _plan(window_length, polyorder, min(deriv, polyorder), step, position)
-    coefficients = np.zeros(window_length)
-    if deriv <= polyorder:
+    length, degree, order, step = _check(window_length, polyorder, deriv, delta)
+    position = (length - 1) / 2 if pos is None else arguments.real("pos", pos)
+    if not 0 <= position < length:
+        raise ValueError(f"pos must be at least 0 and less than window_length = {length}, got {position}")
+    plan = _plan(length, degree, min(order, degree), step, position)
+    coefficients = np.zeros(length)
+    if order <= degree:
         plan.weights(coefficients)
-    if step < 0 and deriv % 2:
+    if step < 0 and order % 2:
         np.negative(coefficients, out=coefficients)
     return coefficients[::-1].copy() if use == "conv" else coefficients
 

@@ -14,14 +14,14 @@ pub enum Error {
         /// What would have been accepted.
         allowed: String,
     },
-    /// The weights cannot reproduce polynomials of the degree to 1e-10.
+    /// The weights cannot meet their moments, or cannot be known, to 1e-10.
     Moments {
         /// Degree of the fit.
         degree: usize,
         /// Number of samples in the window.
         window_length: usize,
-        /// Largest moment error, relative to the largest moment.
-        residual: f64,
+        /// By how much, relative to the largest.
+        error: f64,
     },
     /// Memory that could not be had.
     Memory {
@@ -34,8 +34,9 @@ pub enum Error {
 
 impl Error {
     /// An argument outside of what it may be.
-    pub fn argument(name: &'static str, got: impl fmt::Display, allowed: impl Into<String>) -> Self {
-        Self::Argument { name, got: got.to_string(), allowed: allowed.into() }
+    pub fn argument(name: &'static str, got: impl fmt::Debug, allowed: impl Into<String>) -> Self {
+        // As for debugging, 1e-300 is not 300 zeros.
+        Self::Argument { name, got: format!("{got:?}"), allowed: allowed.into() }
     }
 }
 
@@ -43,10 +44,10 @@ impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Argument { name, got, allowed } => write!(f, "{name} must be {allowed}, got {got}"),
-            Self::Moments { degree, window_length, residual } => write!(
+            Self::Moments { degree, window_length, error } => write!(
                 f,
-                "degree {degree} is too high for window_length {window_length}: the weights miss the moments by \
-                 {residual:.1e} (allowed 1e-10); use a longer window or a lower degree"
+                "degree {degree} is too high for window_length {window_length}: the weights would be wrong by \
+                 {error:.1e} (allowed 1e-10); use a longer window or a lower degree"
             ),
             Self::Memory { bytes } => write!(f, "could not allocate {bytes} bytes"),
             Self::Interrupted => write!(f, "interrupted"),

@@ -3,6 +3,7 @@
 //! `k(s) = rho(s) * sum over m of [d^deriv p_m](tau) p_m(s)`, with `p_m` orthonormal for the density `rho` of the exponents
 //! (kappa, mu): the `deriv`-th derivative at `tau` of the weighted least-squares polynomial of degree `degree`.
 
+use crate::control::Control;
 use crate::error::Error;
 use crate::jacobi::{Jacobi, ln_beta};
 
@@ -69,7 +70,11 @@ impl Kernel {
         let root = family.root_near(order, wanted);
         // Within its own rounding the point stays as it was said: the middle is 1/2 to the bit.
         let tau = root.filter(|root| (root - wanted).abs() > f64::EPSILON).unwrap_or(wanted);
-        Ok(Self { deriv, degree, kappa, mu, tau, at_root: root.is_some() })
+        let kernel = Self { deriv, degree, kappa, mu, tau, at_root: root.is_some() };
+        if kernel.moments(degree).iter().all(|d| (d * d).is_finite()) {
+            return Ok(kernel);
+        }
+        Err(Error::argument("deriv", deriv, format!("small enough for values that are finite at degree {degree}")))
     }
 
     /// The same kernel, taken for a fit of its degree even at a root.
@@ -127,13 +132,16 @@ impl Kernel {
     }
 
     /// `k` at `points`, into `out`; zero outside of [0, 1], infinite at an end with a negative exponent.
-    pub fn values(&self, points: &[f64], out: &mut [f64]) -> Result<(), Error> {
+    pub fn values(&self, points: &[f64], out: &mut [f64], control: &impl Control) -> Result<(), Error> {
         if points.len() != out.len() {
             return Err(Error::argument("out", out.len(), format!("of {} elements", points.len())));
         }
         let (family, moments) = (self.family(), self.moments(self.degree));
         let recurrence = family.recurrence(self.degree);
-        for (value, &tau) in out.iter_mut().zip(points) {
+        for (index, (value, &tau)) in out.iter_mut().zip(points).enumerate() {
+            if index % 4096 == 4095 && !control.proceed(index as f64 / points.len() as f64) {
+                return Err(Error::Interrupted);
+            }
             let sum = recurrence.sum(&moments, tau);
             *value = match tau {
                 tau if tau.is_nan() => tau,
@@ -176,6 +184,7 @@ impl Kernel {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::Unattended;
 
     fn kernel(deriv: usize, degree: usize, kappa: f64, mu: f64, tau: Tau) -> Kernel {
         Kernel::new(deriv, degree, kappa, mu, tau, 1.0).expect("valid")
@@ -195,7 +204,9 @@ mod tests {
         let points = [0.0, 0.1, 0.5, 0.9, 1.0];
         for (deriv, degree, kappa, mu, tau, coefficients) in cases {
             let mut values = [0.0; 5];
-            kernel(deriv, degree, kappa, mu, Tau::At(tau)).values(&points, &mut values).expect("same length");
+            kernel(deriv, degree, kappa, mu, Tau::At(tau))
+                .values(&points, &mut values, &Unattended)
+                .expect("same length");
             for (value, point) in values.iter().zip(points) {
                 let expected = coefficients.iter().rev().fold(0.0, |sum, c| sum * point + c);
                 assert!((value - expected).abs() < 1e-12, "{deriv} {degree}: {value} {expected}");

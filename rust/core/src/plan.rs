@@ -210,7 +210,7 @@ impl Plan {
     pub fn fit_for_ends(&self, control: &impl Control) -> Result<&Fit, Error> {
         let fit = self.fit(control)?;
         if self.design.rule == Rule::Exact && !self.ends_checked.load(Ordering::Relaxed) {
-            fit.check_ends(self.design.deriv, control)?;
+            fit.check_ends(self.design.deriv)?;
             self.ends_checked.store(true, Ordering::Relaxed);
         }
         Ok(fit)
@@ -300,6 +300,7 @@ impl Design {
     fn taps(&self, weights: &[f64], position: f64) -> Result<Taps, Error> {
         match (self.rule, self.deriv) {
             (Rule::Trapezoid, _) => Taps::plain(weights),
+            (Rule::Exact, 0) if self.window_length == 1 => Taps::plain(weights),
             (Rule::Exact, 0) => {
                 let anchor = position.round().clamp(0.0, (self.window_length - 1) as f64);
                 Taps::on_differences(weights, Some((anchor as isize).cast_unsigned()))

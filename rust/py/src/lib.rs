@@ -83,7 +83,7 @@ impl Point {
 }
 
 fn unknown(name: &'static str, got: &str, allowed: &str) -> PyErr {
-    PyValueError::new_err(Error::argument(name, format!("'{got}'"), allowed).to_string())
+    PyValueError::new_err(format!("{name} must be {allowed}, got '{got}'"))
 }
 
 /// A continuous kernel.
@@ -130,7 +130,7 @@ impl Kernel {
     ) -> PyResult<()> {
         let (points, mut out) = (points.try_readonly()?, out.try_readwrite()?);
         let (points, out) = (points.as_slice()?, out.as_slice_mut()?);
-        enter(py, None, |_| self.0.values(points, out))
+        enter(py, None, |control| self.0.values(points, out, control))
     }
 }
 
