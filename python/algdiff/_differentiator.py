@@ -225,7 +225,7 @@ class Differentiator:
         -------
         ndarray
             The estimates, in the unit of `x` over that of ``delta**deriv``. A NaN in `x` makes every estimate NaN
-            whose window contains it, and no other; so does an infinity if ``deriv > 0``.
+            whose window contains it, and no other; so does an infinity.
 
         Raises
         ------
