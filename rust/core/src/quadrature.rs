@@ -115,7 +115,8 @@ pub fn cumulative_density(family: Jacobi, s: f64) -> f64 {
 fn lower_tail(family: Jacobi, s: f64, rest: f64) -> f64 {
     let Jacobi { alpha, beta } = family;
     let scale = (alpha + 1.0) * s.ln() - ln_beta(alpha + 1.0, beta + 1.0);
-    on_line(Jacobi { alpha, beta: 0.0 }, 2.0 * PI / rate(alpha + beta, 0.0, 0.0))
+    // `rest + s (1 - v)` vanishes at v = 1/s, at a distance of about 0.4 from the real line of u for `rest` as small as 1e-3.
+    on_line(Jacobi { alpha, beta: 0.0 }, 2.0 * PI / (rate(alpha + beta, 0.0, 0.0) + 80.0))
         .iter()
         .map(|node| {
             let beyond = rest + s * node.ln_rest.exp();
