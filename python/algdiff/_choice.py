@@ -154,8 +154,6 @@ def from_delay(
     """Return the design of `Differentiator.from_delay`."""
     if tau == "newest":
         raise ValueError("tau must be a point before the newest sample, got 'newest', whose delay is always 0")
-    if "delay" in design:
-        raise TypeError("delay follows from what is asked for: it cannot be given as well")
     wish = _Wish(deriv, design, tau=tau)
     samples = _positive("delay", delay) / wish.delta
     rest = 1 - wish.kernel(wish.least).tau
@@ -206,12 +204,22 @@ def from_notch(
             f"frequency must be higher: a window of {length:.3g} samples is needed, got {frequency} {unit}"
         )
 
-    def left(exponent: float) -> tuple[float, Differentiator]:
+    def left(exponent: float) -> float:
         found = wish.design(cls, length, kappa=exponent, mu=exponent)
         response = found.frequency_response(turns / (2 * math.pi * wish.delta))
-        return float((response / 1j**wish.deriv).real), found
+        return float((response / 1j**wish.deriv).real)
 
-    return _secant(left, wish.kappa)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DesignWarning)
+        exponent = _root(left, wish.kappa)
+        # A trimmed window may jump over 0 as it loses a sample.
+        missed = exponent is None or abs(left(exponent)) > 1e-9 * (turns / wish.delta) ** wish.deriv
+    if exponent is None or missed:
+        raise ValueError(
+            f"frequency must be lower, or order or kappa another: no exponents near {wish.kappa} put a zero of "
+            f"{length} samples there, got {frequency} {unit}"
+        )
+    return wish.design(cls, length, kappa=exponent, mu=exponent)
 
 
 def _zero(kernel: Kernel, number: int) -> float:
@@ -236,25 +244,28 @@ def _zero(kernel: Kernel, number: int) -> float:
     return low + step / 2
 
 
-def _secant(left: Callable[[float], tuple[float, Differentiator]], start: float) -> Differentiator:
-    """Return the design whose exponent leaves nothing, starting from `start`."""
-    step = 0.05 * (1 + start)
-    before, (before_left, _) = start, left(start)
-    here = start + step
-    here_left, found = left(here)
-    for _ in range(40):
-        if here_left in (0.0, before_left):
-            break
-        following = here - here_left * (here - before) / (here_left - before_left)
-        following = max(following, (here - 1) / 2)  # stays above -1
-        if following == here:
-            break
-        before, before_left = here, here_left
-        here = following
-        here_left, found = left(here)
-        if abs(here - before) <= 4e-16 * (1 + abs(here)):
-            break
-    return found
+def _root(left: Callable[[float], float], start: float) -> float | None:
+    """Return the exponent nearest to `start` that leaves nothing, to rounding; None if there is none near."""
+    middle = left(start)
+    for step in (0.05 * (1 + start) * 1.3**k for k in range(24)):
+        for end in (start + step, max(start - step, -0.95)):
+            if (left(end) > 0) != (middle > 0):
+                return _bisect(left, min(start, end), max(start, end))
+    return None
+
+
+def _bisect(left: Callable[[float], float], low: float, high: float) -> float:
+    """Return the point between `low` and `high` where `left` changes sign, or the nearer to 0 of its two neighbours."""
+    below, above = left(low), left(high)
+    while True:
+        middle = 0.5 * (low + high)
+        if middle in (low, high):
+            return low if abs(below) < abs(above) else high
+        value = left(middle)
+        if (value > 0) == (below > 0):
+            low, below = middle, value
+        else:
+            high, above = middle, value
 
 
 def optimal_window(
@@ -396,8 +407,10 @@ def delay_tradeoff(
     """
     wish = _Wish(deriv, {"degree": degree, "kappa": kappa, "mu": mu, "delta": delta, "fs": fs})
     flat, shape = arguments.points("delays", delays)
-    if len(shape) != 1 or not np.isfinite(flat).all():
-        raise ValueError(f"delays must be a one-dimensional array of finite numbers, got shape {shape}")
+    if len(shape) != 1:
+        raise ValueError(f"delays must be a one-dimensional array, got shape {shape}")
+    if not np.isfinite(flat).all():
+        raise ValueError(f"delays must be finite, got {flat[~np.isfinite(flat)][0]}")
     noise_level, amplitude = _positive("noise_level", noise_level), _positive("amplitude", amplitude)
     signal = (noise_level, amplitude, _positive("bandwidth", bandwidth), wish.delta)
     # On cells the newest end of the window lies half a sample after the newest sample.

@@ -84,7 +84,7 @@ class Kernel:
         Rudolph): a low-pass model, not a -3 dB point. None if the kernel has a zero at the end that governs.
     half_power : float or None
         The smallest ``omega * T`` at which the amplitude, relative to an ideal differentiator, falls through
-        ``1 / sqrt(2)``; None if there is none below 1e5.
+        ``1 / sqrt(2)``; None if an exponent near -1 keeps it from falling that far at any frequency of use (1e4).
     roll_off : float
         Beyond the cutoff the amplitude, relative to an ideal differentiator, falls by ``20 * roll_off`` dB a decade:
         ``min(kappa, mu) + deriv + 1``.

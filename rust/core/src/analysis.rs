@@ -5,6 +5,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use nalgebra::Complex;
 
 use crate::control::Control;
+use crate::design::MAX_WINDOW;
 use crate::error::Error;
 use crate::kernel::{Kernel, Tau};
 use crate::quadrature::{cumulative_density, nodes};
@@ -197,9 +198,12 @@ impl Tradeoff {
     /// The least root-mean-square error that any window reaches with the estimate `delay` before its newest end, and the
     /// length of that window.
     pub fn best(&self, delay: f64) -> Result<(f64, f64), Error> {
-        let shortest = (self.degree + 1) as f64 * self.delta;
+        let (shortest, longest) = ((self.degree + 1) as f64 * self.delta, MAX_WINDOW as f64 * self.delta);
+        if delay.is_nan() || delay.abs() > longest {
+            return Err(Error::argument("delays", delay, format!("at most {MAX_WINDOW} sampling steps")));
+        }
         let low = shortest.max(delay).ln();
-        let high = (20.0 / self.frequency + 4.0 * delay.abs()).max(8.0 * shortest).ln();
+        let high = (20.0 / self.frequency + 4.0 * delay.abs()).max(8.0 * shortest).min(longest).ln();
         let points: Vec<f64> = (0..=96).map(|i| low + (high - low) * f64::from(i) / 96.0).collect();
         let mut best = (f64::INFINITY, 0);
         for (index, point) in points.iter().enumerate() {

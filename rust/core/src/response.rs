@@ -16,8 +16,8 @@ use crate::jacobi::{Recurrence, ln_beta};
 use crate::kernel::Kernel;
 use crate::quadrature::{laplace_nodes, nodes};
 
-/// Where |G| is looked for: beyond, exponents near -1 have not yet damped anything.
-const MAX_HALF_POWER: f64 = 1e5;
+/// How many steps of [`Kernel::half_power`] are tried: beyond, exponents near -1 have not yet damped anything.
+const MAX_STEPS: f64 = 5e4;
 
 /// Evaluates the frequency response of one kernel.
 #[derive(Debug)]
@@ -252,7 +252,7 @@ impl Kernel {
         let step = (0.02 / width).max(0.2);
         let mut largest = 32.0 * step;
         let mut low = 0.0;
-        while low < MAX_HALF_POWER {
+        while low < MAX_STEPS * step {
             let response = Response::new(self, largest);
             while low < largest {
                 if !control.proceed(0.0) {
