@@ -4,7 +4,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["InternalError", "Kernel", "Plan"]
+__all__ = ["InternalError", "Kernel", "Plan", "Simultaneous", "lambdas"]
 
 class InternalError(RuntimeError): ...
 
@@ -57,3 +57,14 @@ class Plan:
         threads: int = 0,
         progress: Callable[[float], object] | None = None,
     ) -> None: ...
+
+@final
+class Simultaneous:
+    def __new__(cls, degree: int, nu: int, duration: float) -> Simultaneous: ...
+    def matrix(self) -> NDArray[np.float64]: ...
+    def right_side(self, points: NDArray[np.float64], out: NDArray[np.float64]) -> None: ...
+    def condition_number(self) -> float: ...
+
+def lambdas(
+    deriv: int, degree: int, exponents: tuple[float, float], points: NDArray[np.float64], out: NDArray[np.float64]
+) -> None: ...

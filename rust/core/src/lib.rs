@@ -10,7 +10,8 @@
 //! * [`plan`]: everything decided before the first sample;
 //! * [`engine`]: how the weights of a plan meet the data;
 //! * [`ends`]: what happens where the window does not lie inside the data;
-//! * [`run`]: arrays, threads and stopping on request.
+//! * [`run`]: arrays, threads and stopping on request;
+//! * [`paper`]: the source paper's own systems, on which nothing is built.
 //!
 //! ```
 //! use algdiff_core::{kernel::Tau, plan::{Design, Place, Plan, Rule}, control::Unattended, run::{Alignment, Job, Layout, Mode}};
@@ -31,6 +32,7 @@ pub mod error;
 pub mod fit;
 pub mod jacobi;
 pub mod kernel;
+pub mod paper;
 pub mod plan;
 mod rows;
 pub mod run;
