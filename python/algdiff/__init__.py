@@ -14,6 +14,7 @@ True
 
 from importlib.metadata import version as _version
 
+from algdiff import paper
 from algdiff._core import InternalError
 from algdiff._differentiate import differentiate
 from algdiff._differentiator import DesignWarning, Differentiator
@@ -31,6 +32,7 @@ __all__ = [
     "__version__",
     "differentiate",
     "gradient",
+    "paper",
     "savgol_coeffs",
     "savgol_filter",
 ]
