@@ -61,7 +61,7 @@ __all__ = [
 
 _EPS = float(np.finfo(np.float64).eps)
 _LARGEST_DEGREE = 500  # of a kernel
-_LARGEST_EXPANSION = 1000  # the exact coefficients of this degree take seconds
+_LARGEST_EXPANSION = 500  # exact coefficients of this degree take seconds
 
 
 def simultaneous_matrices(
@@ -126,7 +126,7 @@ def condition_number(N: SupportsIndex, nu: SupportsIndex, T: float = 1.0) -> flo
 
     It is the ratio of the largest to the smallest singular value. The relative error of the solution of (5) may be this
     many times that of its right side. Much of it is the unit of time, because derivatives of different orders are
-    unknowns of one system; T = 1 is the window itself as unit.
+    unknowns of one system: it grows as T falls, and falls to N! as T grows. T = 1 is the window itself as unit.
 
     The paper concludes that the estimators are sensitive to noise. They are not more so than individual ones of the
     same N, which are the same estimators (see `simultaneous_kernel`): what is lost is digits, not signal.
@@ -197,8 +197,8 @@ def simultaneous(
 ) -> NDArray[Any]:
     r"""Estimate x, x', ..., :math:`x^{(N)}` at the origin by solving (5), the linear system of (3) and (4).
 
-    Use `simultaneous_kernel` or `algdiff.Differentiator` for results; this is the system as the paper poses it, in
-    units of the window (T = 1), in which it loses least.
+    Use `simultaneous_kernel` or `algdiff.Differentiator` for results; this is the system as the paper poses it. It is
+    solved with the window as unit of time (T = 1), so that no digit depends on the unit of `delta`.
 
     Parameters
     ----------
@@ -243,8 +243,9 @@ def simultaneous(
     degree, system = _system(N, nu, 1.0)
     x, sign = _windows(y, degree, window)
     duration = (x.shape[-1] - 1) * _step(delta)
-    powers = duration ** np.arange(degree + 1.0)
-    if not (np.isfinite(powers).all() and powers.min() > 0 and np.isfinite(1 / powers).all()):
+    with np.errstate(all="ignore"):
+        units = duration ** -np.arange(degree + 1.0)
+    if not (np.isfinite(units).all() and units.min() > 0):
         raise ValueError(f"delta must be such that T**{degree} neither overflows nor underflows, got {delta}")
     condition = system.condition_number()
     if condition > _EPS**-0.5:
@@ -262,7 +263,7 @@ def simultaneous(
     for j in range(degree + 1):  # row N - j holds the unknowns 0 to j
         row = degree - j
         estimates[..., j] = (integrals[..., row] - estimates[..., :j] @ matrix[row, :j]) / matrix[row, j]
-    estimates *= sign ** np.arange(degree + 1) / powers
+    estimates *= sign ** np.arange(degree + 1) * units
     return estimates
 
 
@@ -285,7 +286,7 @@ def annihilator_coefficients(
     n, N : int
         Order of the derivative and degree of the Taylor expansion, 0 <= n <= N.
     kappa, mu : int
-        Exponents at the origin and at the other end of the window, at least 0. N + kappa + mu is at most 1000.
+        Exponents at the origin and at the other end of the window, at least 0. N + kappa + mu is at most 500.
 
     Returns
     -------
@@ -305,10 +306,7 @@ def annihilator_coefficients(
     >>> [int(c) for c in paper.annihilator_coefficients(1, 2, 0, 0)]
     [-36, 192, -180]
     """
-    order, degree = _order_and_degree(n, N)
-    kappa, mu = arguments.integer("kappa", kappa, 0), arguments.integer("mu", mu, 0)
-    if degree + kappa + mu > _LARGEST_EXPANSION:
-        raise ValueError(f"N + kappa + mu must be at most {_LARGEST_EXPANSION}, got {degree + kappa + mu}")
+    order, degree, kappa, mu = _integers(n, N, kappa, mu)
     terms = {0: (degree + 1, 1)}  # m: (power of s, factor) of y^(m); a derivative keeps every power with its m
     terms = _derivative(terms, degree - order)
     terms = {m: (power - 1, factor) for m, (power, factor) in terms.items()}
@@ -445,8 +443,7 @@ def lemma1(
     1 1 -8
     0 2 6
     """
-    order, degree = _order_and_degree(n, N)
-    kappa, mu = arguments.integer("kappa", kappa, 0), arguments.integer("mu", mu, 0)
+    order, degree, kappa, mu = _integers(n, N, kappa, mu)
     p, q = order + kappa, degree - order
     factors = [Fraction(0)] * (q + 1)
     for i in range(q + 1):
@@ -738,6 +735,15 @@ def _order_and_degree(n: object, N: object) -> tuple[int, int]:
     if degree < order:
         raise ValueError(f"N must be at least n = {order}, got {degree}")
     return order, degree
+
+
+def _integers(n: object, N: object, kappa: object, mu: object) -> tuple[int, int, int, int]:
+    """Return the arguments of (6) as the paper has them, small enough for exact results."""
+    order, degree = _order_and_degree(n, N)
+    left, right = arguments.integer("kappa", kappa, 0), arguments.integer("mu", mu, 0)
+    if degree + left + right > _LARGEST_EXPANSION:
+        raise ValueError(f"N + kappa + mu must be at most {_LARGEST_EXPANSION}, got {degree + left + right}")
+    return order, degree, left, right
 
 
 def _integrations(nu: object, degree: int) -> int:

@@ -179,7 +179,7 @@ pub fn lambdas(
     if Some(out.len()) != points.len().checked_mul(count) {
         return Err(Error::argument("out", out.len(), format!("of {} rows of {count} elements", points.len())));
     }
-    let weight = Kernel::new(deriv, degree, kappa, mu, Tau::Center, 1.0)?.family().raised(deriv);
+    let weight = Kernel::new(0, 0, kappa, mu, Tau::Center, 1.0)?.family().raised(deriv);
     for (&tau, row) in points.iter().zip(out.chunks_exact_mut(count)) {
         if tau.is_nan() || tau.abs() > MAX_TAU {
             return Err(Error::argument("tau", tau, format!("finite and at most {MAX_TAU:e} in size")));
