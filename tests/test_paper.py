@@ -474,12 +474,14 @@ def test_polynomials_keep_the_sign_of_every_derivative(N: int, kappa: int, mu: i
     signal = np.polynomial.Polynomial([1.0, 2.0, 3.0, 4.0, 5.0][: N + 1])
     t = delta * np.arange(steps + 1) - (duration if window == "causal" else 0)
     y = signal(t)
-    backwards = np.polynomial.Polynomial(
-        signal.coef * (duration * (-1 if window == "causal" else 1)) ** np.arange(N + 1)
-    )
+    scale = -duration if window == "causal" else duration
+    backwards = np.polynomial.Polynomial([c * scale**i for i, c in enumerate(signal.coef)])
     for n in range(N + 1):
         true = float(signal.deriv(n)(0.0)) if n else 1.0
-        allowed = quadrature_bound(n, N, kappa, mu, backwards, steps) / duration**n + 1e-9
+        # Sums of as many products as samples, and the solution of (5).
+        growth = steps + 8 + 8 * (N + 1) * paper.condition_number(N, N + 2 + mu)
+        rounding = growth * EPS * np.abs(paper.annihilator_kernel(n, N, kappa, mu)(TAU)).max() * np.abs(y).max()
+        allowed = (quadrature_bound(n, N, kappa, mu, backwards, steps) + rounding) / duration**n
         assert allowed < abs(true) / 2, "the bound says nothing about the sign"
         assert abs(paper.annihilator(y, n, N, kappa, mu, delta, window) - true) <= allowed
         if kappa == 0:
@@ -627,7 +629,7 @@ Y = np.zeros(21)
         (ValueError, "kappa must be finite and greater than -1", lambda: paper.lambdas(1, 2, -1, 0, 0)),
         (ValueError, "mu must be finite and greater than -1", lambda: paper.delay(0, math.inf)),
         (ValueError, "tau must be finite", lambda: paper.lambdas(1, 2, 0, 0, [0.5, math.nan])),
-        (TypeError, "tau must be real numbers", lambda: paper.lambdas(1, 2, 0, 0, ["a"])),  # type: ignore[list-item]
+        (TypeError, "tau must be real numbers", lambda: paper.lambdas(1, 2, 0, 0, ["a"])),
         (ValueError, "tau must be small enough", lambda: paper.lambdas(0, 60, 0, 0, 1e6)),
         (TypeError, "tau must be a real number", lambda: paper.combination(Y, 1, 2, 0, 0, "root")),  # type: ignore[arg-type]
         (
