@@ -384,14 +384,15 @@ def exact_lambdas(n: int, q: int, kappa: float, mu: float, tau: float) -> list[F
     return [row[-1] for row in rows]
 
 
-@pytest.mark.parametrize("q", [0, 1, 2, 3, 5, 8, 12, 16])
+@pytest.mark.parametrize("q", [0, 1, 2, 3, 5, 8, 16, 32])
 @pytest.mark.parametrize("tau", [0.0, 0.3, 0.5, 0.8, 1.0, -0.25, 1.5])
 def test_lambdas_solve_their_system(q: int, tau: float) -> None:
     for n, kappa, mu in [(0, 0.0, 0.0), (1, -0.9, 100.0), (3, 10.0, -0.5), (2, 0.3, 1.7)]:
         exact = exact_lambdas(n, q, kappa, mu, tau)
         values = paper.lambdas(n, n + q, kappa, mu, tau)
         error = max(abs(Fraction(value) - expected) for value, expected in zip(values, exact, strict=True))
-        assert error <= Fraction(1e-13) * sum(map(abs, exact))
+        # At the ends all terms have one sign, and the recurrences err by a few eps a step.
+        assert error <= (4 * q + 8) * Fraction(EPS) * sum(map(abs, exact))
 
 
 def test_lambdas_take_many_points() -> None:
@@ -475,7 +476,7 @@ def test_polynomials_keep_the_sign_of_every_derivative(N: int, kappa: int, mu: i
     t = delta * np.arange(steps + 1) - (duration if window == "causal" else 0)
     y = signal(t)
     scale = -duration if window == "causal" else duration
-    backwards = np.polynomial.Polynomial([c * scale**i for i, c in enumerate(signal.coef)])
+    backwards = np.polynomial.Polynomial([float(c) * scale**i for i, c in enumerate(signal.coef)])
     for n in range(N + 1):
         true = float(signal.deriv(n)(0.0)) if n else 1.0
         # Sums of as many products as samples, and the solution of (5).

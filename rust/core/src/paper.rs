@@ -269,6 +269,7 @@ mod tests {
         let exact = (2.0_f64.sqrt() + 1.0).powi(2);
         assert!((condition(1, 3).expect("finite") / exact - 1.0).abs() < 1e-14);
         assert_eq!(condition(0, 2), Ok(1.0));
+        assert!((condition(2, 4).expect("finite") / 68.635_829_312_901_17 - 1.0).abs() < 1e-13);
         // Far beyond 1e16 it goes on growing, as no single factorisation of P would see.
         let far = condition(16, 18).expect("finite");
         assert!(far > 1e26 && far > 1e2 * condition(15, 17).expect("finite"), "{far:e}");
