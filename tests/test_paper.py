@@ -387,7 +387,7 @@ def exact_lambdas(n: int, q: int, kappa: float, mu: float, tau: float) -> list[F
 @pytest.mark.parametrize("q", [0, 1, 2, 3, 5, 8, 16, 32])
 @pytest.mark.parametrize("tau", [0.0, 0.3, 0.5, 0.8, 1.0, -0.25, 1.5])
 def test_lambdas_solve_their_system(q: int, tau: float) -> None:
-    for n, kappa, mu in [(0, 0.0, 0.0), (1, -0.9, 100.0), (3, 10.0, -0.5), (2, 0.3, 1.7)]:
+    for n, kappa, mu in [(0, 0.0, 0.0), (1, -0.9, 1e4), (3, 10.0, -0.5), (2, 0.3, 1.7), (0, 1e4, 0.25)]:
         exact = exact_lambdas(n, q, kappa, mu, tau)
         values = paper.lambdas(n, n + q, kappa, mu, tau)
         error = max(abs(Fraction(value) - expected) for value, expected in zip(values, exact, strict=True))
@@ -401,7 +401,8 @@ def test_lambdas_take_many_points() -> None:
     assert values.shape == (3, 4, 4)
     for index in np.ndindex(3, 4):
         np.testing.assert_array_equal(values[index], paper.lambdas(2, 5, 0.5, 1, tau[index]))
-    np.testing.assert_array_equal(paper.lambdas(2, 5, 1, 0.5, 1 - tau), values[..., ::-1])
+    mirrored = paper.lambdas(2, 5, 1, 0.5, 1 - tau)[..., ::-1]
+    assert (np.abs(mirrored - values).max(axis=-1) <= 40 * EPS * np.abs(values).sum(axis=-1)).all()
 
 
 @pytest.mark.parametrize(("n", "N"), [(1, 2), (1, 3), (2, 3), (0, 2), (3, 6)])

@@ -204,7 +204,7 @@ fn lambdas_near_zero(weight: Jacobi, tau: f64, out: &mut [f64]) {
     let q = out.len() - 1;
     out.fill(0.0);
     for j in 0..=q {
-        let value = classical(j, weight.beta + (q + 1 - j) as f64, weight.alpha, 2.0 * tau - 1.0);
+        let value = classical(j, weight.beta + (q + 1 - j) as f64, weight.alpha, tau);
         let mut binomial = if j % 2 == 0 { 1.0 } else { -1.0 };
         for k in 0..=j {
             // (-1)^(j-k) C(j, k), with k = q - l.
@@ -214,21 +214,26 @@ fn lambdas_near_zero(weight: Jacobi, tau: f64, out: &mut [f64]) {
     }
 }
 
-/// The classical Jacobi polynomial `P_degree^(alpha, beta)(x)`.
-fn classical(degree: usize, alpha: f64, beta: f64, x: f64) -> f64 {
+/// The classical Jacobi polynomial `P_degree^(alpha, beta)(2 tau - 1)`.
+///
+/// By its value at 0, which is `(-1)^degree C(degree + beta, degree)`, times the running sum of the differences that the
+/// recurrence makes of it: near 0 and for large exponents the recurrence itself would subtract what is nearly equal.
+fn classical(degree: usize, alpha: f64, beta: f64, tau: f64) -> f64 {
     let sum = alpha + beta;
-    let (mut before, mut current) = (1.0, alpha + 1.0 + (sum + 2.0) * 0.5 * (x - 1.0));
-    if degree == 0 {
-        return before;
-    }
-    for index in 2..=degree {
+    let (mut at_zero, mut ratio, mut step) = (1.0, 1.0, 0.0);
+    for index in 0..degree {
         let k = index as f64;
-        let s = 2.0 * k + sum;
-        let slope = (s - 1.0) * (s * (s - 2.0) * x + (alpha - beta) * sum);
-        let rest = 2.0 * (k + alpha - 1.0) * (k + beta - 1.0) * s;
-        (before, current) = (current, (slope * current - rest * before) / (2.0 * k * (k + sum) * (s - 2.0)));
+        let t = 2.0 * k + sum;
+        step = if index == 0 {
+            -tau * (sum + 2.0) / (beta + 1.0)
+        } else {
+            (t + 2.0) * (k * (k + alpha) * step - tau * t * (t + 1.0) * ratio)
+                / ((k + beta + 1.0) * (k + sum + 1.0) * t)
+        };
+        ratio += step;
+        at_zero *= -(k + 1.0 + beta) / (k + 1.0);
     }
-    current
+    at_zero * ratio
 }
 
 #[cfg(test)]
