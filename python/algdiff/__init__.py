@@ -14,6 +14,7 @@ True
 
 from importlib.metadata import version as _version
 
+from algdiff import paper
 from algdiff._choice import DelayTradeoff, delay_tradeoff, optimal_window
 from algdiff._core import InternalError
 from algdiff._differentiate import differentiate
@@ -37,6 +38,7 @@ __all__ = [
     "differentiate",
     "gradient",
     "optimal_window",
+    "paper",
     "savgol_coeffs",
     "savgol_filter",
 ]

@@ -4,7 +4,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["InternalError", "Kernel", "Plan", "delay_tradeoff"]
+__all__ = ["InternalError", "Kernel", "Plan", "Simultaneous", "delay_tradeoff", "lambdas"]
 
 class InternalError(RuntimeError): ...
 
@@ -98,3 +98,14 @@ def delay_tradeoff(
     bandwidth: float,
     delta: float,
 ) -> list[tuple[float, float]]: ...
+
+@final
+class Simultaneous:
+    def __new__(cls, degree: int, nu: int, duration: float) -> Simultaneous: ...
+    def matrix(self) -> NDArray[np.float64]: ...
+    def right_side(self, points: NDArray[np.float64], out: NDArray[np.float64]) -> None: ...
+    def condition_number(self) -> float: ...
+
+def lambdas(
+    deriv: int, degree: int, exponents: tuple[float, float], points: NDArray[np.float64], out: NDArray[np.float64]
+) -> None: ...

@@ -14,7 +14,8 @@
 //! * [`filter`]: what the weights of a plan do to signals;
 //! * [`engine`]: how the weights of a plan meet the data;
 //! * [`ends`]: what happens where the window does not lie inside the data;
-//! * [`run`]: arrays, threads and stopping on request.
+//! * [`run`]: arrays, threads and stopping on request;
+//! * [`paper`]: the source paper's own systems, on which nothing is built.
 //!
 //! ```
 //! use algdiff_core::{kernel::Tau, design::{Design, Place}, plan::Plan, rule::Rule, control::Unattended, run::{Alignment, Job, Layout, Mode}};
@@ -38,6 +39,7 @@ pub mod filter;
 pub mod fit;
 pub mod jacobi;
 pub mod kernel;
+pub mod paper;
 pub mod plan;
 pub mod quadrature;
 pub mod response;

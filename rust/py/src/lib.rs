@@ -9,6 +9,7 @@ use algdiff_core::design::{Design, Place};
 use algdiff_core::engine::Sample;
 use algdiff_core::error::Error;
 use algdiff_core::kernel::{Kernel as CoreKernel, Tau};
+use algdiff_core::paper;
 use algdiff_core::plan::Plan as CorePlan;
 use algdiff_core::rule::RULES;
 use algdiff_core::run::{Alignment, Job, Layout, Mode};
@@ -394,9 +395,55 @@ fn run<T: Sample + Element>(
     enter(py, progress, |control| job.run(x, out, control))
 }
 
+/// The system of the simultaneous estimators.
+#[pyclass(frozen, module = "algdiff._core")]
+struct Simultaneous(paper::Simultaneous);
+
+#[pymethods]
+impl Simultaneous {
+    #[new]
+    fn new(degree: usize, nu: usize, duration: f64, py: Python<'_>) -> PyResult<Self> {
+        enter(py, None, |_| paper::Simultaneous::new(degree, nu, duration)).map(Self)
+    }
+
+    fn matrix<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let matrix = self.0.matrix();
+        PyArray1::from_iter(py, matrix.row_iter().flat_map(|row| row.iter().copied()))
+    }
+
+    fn right_side(
+        &self,
+        py: Python<'_>,
+        points: &Bound<'_, PyArray1<f64>>,
+        out: &Bound<'_, PyArray1<f64>>,
+    ) -> PyResult<()> {
+        let (points, mut out) = (points.try_readonly()?, out.try_readwrite()?);
+        let (points, out) = (points.as_slice()?, out.as_slice_mut()?);
+        enter(py, None, |control| self.0.right_side(points, out, control))
+    }
+
+    fn condition_number(&self, py: Python<'_>) -> PyResult<f64> {
+        enter(py, None, |_| self.0.condition_number())
+    }
+}
+
+#[pyfunction]
+fn lambdas(
+    py: Python<'_>,
+    deriv: usize,
+    degree: usize,
+    exponents: (f64, f64),
+    points: &Bound<'_, PyArray1<f64>>,
+    out: &Bound<'_, PyArray1<f64>>,
+) -> PyResult<()> {
+    let (points, mut out) = (points.try_readonly()?, out.try_readwrite()?);
+    let (points, out) = (points.as_slice()?, out.as_slice_mut()?);
+    enter(py, None, |_| paper::lambdas(deriv, degree, exponents, points, out))
+}
+
 /// The module `algdiff._core`.
 #[pymodule]
 mod _core {
     #[pymodule_export]
-    use super::{InternalError, Kernel, Plan, delay_tradeoff};
+    use super::{InternalError, Kernel, Plan, Simultaneous, delay_tradeoff, lambdas};
 }
