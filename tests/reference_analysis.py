@@ -69,12 +69,14 @@ def asymptotes(omega_t: npt.ArrayLike, design: Design) -> tuple[Array, Array, Ar
     deriv, _, kappa, mu, _ = design
     omega = np.atleast_1d(np.asarray(omega_t, dtype=np.float64))
     log_old, log_new = log_asymptote_constants(design)
-    old = np.exp(log_old - (kappa + 1) * np.log(omega))  # omega^n A0 / omega^(kappa+n+1)
-    new = np.exp(log_new - (mu + 1) * np.log(omega))
+    with np.errstate(over="ignore"):  # far below the cutoff
+        old = np.exp(log_old - (kappa + 1) * np.log(omega))  # omega^n A0 / omega^(kappa+n+1)
+        new = np.exp(log_new - (mu + 1) * np.log(omega))
     corner = cutoff(design)
     slope = min(kappa, mu) + deriv + 1
-    model = None if corner is None else omega**deriv * np.minimum(1, (corner / omega) ** slope)
-    return old + new, np.abs(old - new), model
+    model = None if corner is None else omega**deriv * np.minimum(1, corner / omega) ** slope
+    lower = np.abs(np.subtract(old, new, out=np.full_like(old, np.inf), where=np.isfinite(old + new)))
+    return old + new, lower, model
 
 
 def half_power(design: Design, step: float = 0.02) -> float:
@@ -104,8 +106,9 @@ def kernel_integral(left: float, right: float, design: Design, weight_degree: in
     if left < 0.5 < right:
         return sum(kernel_integral(*part, design, weight_degree) for part in ((left, 0.5), (0.5, right)))
     deriv, degree, kappa, mu, tau = design
-    count = 64 + degree + int(2 * max(kappa, mu) ** 0.5)
-    pieces = np.linspace(left, right, 2 + int(max(kappa, mu) / 10))
+    large = max(kappa, mu, 0.0)
+    count = 64 + degree + int(2 * large**0.5)
+    pieces = np.linspace(left, right, 2 + int(large / 10))
     total = 0.0
     for start, stop in pairwise(pieces):
         points, mass = reference.piece_rule(float(start), float(stop), count, kappa, mu)

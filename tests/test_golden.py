@@ -10,7 +10,7 @@ import pytest
 
 import algdiff
 import reference
-from support import Array, Case, case_id, golden
+from support import Array, Case, case_id, golden, kernel_rule
 
 SIGNALS: dict[str, Callable[[Array], Array]] = {
     "exp(-t)*sin(3t)": lambda t: np.exp(-t) * np.sin(3 * t),
@@ -34,14 +34,6 @@ def design_of(case: Case, length: int, rule: str, duration: float) -> algdiff.Di
         delta=duration / (length if rule in reference.CELLS else length - 1),
         rule=rule,
     )
-
-
-def weighted_rule(case: Case) -> tuple[Array, Array]:
-    """Return points and weights for the integral of the kernel times a smooth signal, by 60 values of the kernel."""
-    kappa, mu = case["kappa"], case["mu"]
-    points, gauss = reference.gauss_rule(60, kappa, mu)
-    density = points**kappa * (1 - points) ** mu * np.exp(-reference.log_beta(kappa + 1, mu + 1))
-    return points, gauss * kernel_of(case)(points) / density
 
 
 @pytest.mark.parametrize("case", golden("kernels.json"), ids=case_id)
@@ -110,7 +102,7 @@ def test_weights(case: Case) -> None:
 @pytest.mark.parametrize("case", golden("signals.json"), ids=lambda case: f"{case['id']}-{case['signal']}-{case['t0']}")
 def test_signals(case: Case) -> None:
     signal, start, duration = SIGNALS[case["signal"]], case["t0"], case["T"]
-    points, masses = weighted_rule(case)
+    points, masses = kernel_rule(kernel_of(case))
     y = signal(start + duration * points)
     atol = 1e-12 * np.abs(masses).sum() * np.abs(y).max() / duration ** case["n"]
     assert masses @ y / duration ** case["n"] == pytest.approx(case["estimate"], rel=0, abs=atol)
