@@ -14,23 +14,29 @@ True
 
 from importlib.metadata import version as _version
 
+from algdiff._choice import DelayTradeoff, delay_tradeoff, optimal_window
 from algdiff._core import InternalError
 from algdiff._differentiate import differentiate
-from algdiff._differentiator import DesignWarning, Differentiator
+from algdiff._differentiator import Differentiator
 from algdiff._gradient import gradient
-from algdiff._kernel import Kernel
+from algdiff._kernel import Asymptotes, Kernel
 from algdiff._savgol import savgol_coeffs, savgol_filter
+from algdiff._warnings import DesignWarning
 
 __version__ = _version("algdiff-rs")
 
 __all__ = [
+    "Asymptotes",
+    "DelayTradeoff",
     "DesignWarning",
     "Differentiator",
     "InternalError",
     "Kernel",
     "__version__",
+    "delay_tradeoff",
     "differentiate",
     "gradient",
+    "optimal_window",
     "savgol_coeffs",
     "savgol_filter",
 ]

@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 Samples = NDArray[Any]
 
+MAX_WINDOW = 10_000_000
+"""The longest window that the core takes."""
+
 
 def integer(name: str, value: object, least: int) -> int:
     """Return `value` as an integer of at least `least`."""
@@ -111,6 +114,14 @@ def _working_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
     if dtype.kind == "c":
         return np.dtype(np.complex64 if dtype.itemsize == 8 else np.complex128)
     return np.dtype(np.float32 if dtype.kind == "f" and dtype.itemsize == 4 else np.float64)
+
+
+def points(name: str, values: ArrayLike) -> tuple[Samples, tuple[int, ...]]:
+    """Return `values` as a flat float64 array, and their shape."""
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiub":
+        raise TypeError(f"{name} must be real numbers, got dtype {array.dtype}")
+    return contiguous(array.astype(np.float64, copy=False)), array.shape
 
 
 def contiguous(array: Samples) -> Samples:

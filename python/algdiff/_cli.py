@@ -203,9 +203,9 @@ def _summary(options: argparse.Namespace, design: Differentiator, source: Table,
 
 
 def _demo(options: argparse.Namespace) -> None:
-    from algdiff import _demo
+    from algdiff import _demo, _paper_figures
 
-    _demo.run(options.output, options.threads)
+    (_paper_figures if options.paper else _demo).run(options.output, options.threads)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -225,6 +225,7 @@ def _parser() -> argparse.ArgumentParser:
     demo = verbs.add_parser("demo", help="differentiate the shipped pendulum recording", allow_abbrev=False)
     demo.set_defaults(verb=_demo)
     demo.add_argument("--output", type=Path, default=Path("algdiff-demo"), metavar="DIR", help="default: %(default)s")
+    demo.add_argument("--paper", action="store_true", help="instead: Figures 1 to 4 of Mboup, Join and Fliess (2007)")
     for verb in (run, demo):
         verb.add_argument("--threads", type=_count, metavar="N", help="default: chosen from the machine and the data")
     return parser

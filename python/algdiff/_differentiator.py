@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import math
-import sys
 import warnings
 from typing import Any, SupportsIndex
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from algdiff import _arguments as arguments
+from algdiff import _choice as choice
 from algdiff._arguments import Samples
 from algdiff._core import Plan
-from algdiff._kernel import Kernel
+from algdiff._filter import Filter
 from algdiff._run import Progress, run
+from algdiff._warnings import DesignWarning, outside
 
 
-class DesignWarning(UserWarning):
-    """A design that works, but not as its user may expect."""
-
-
-class Differentiator:
+class Differentiator(Filter):
     r"""A frozen design: one window, its weights and what they do to signal and noise.
 
     Every output is the derivative of order `deriv`, at the point `tau` of its window, of the polynomial of degree
@@ -51,19 +48,45 @@ class Differentiator:
     rule : {"exact", "trapezoid"}
         How the continuous kernel becomes weights. "exact": the fit on the samples themselves, which lie at
         ``tau_j = (j + 1/2) / window_length``, with T = ``window_length * delta``. "trapezoid": the rule of the 2007
-        paper, with samples at ``tau_j = j / (window_length - 1)``; it leaks offsets and is kept for reproduction.
+        paper, with samples at ``tau_j = j / (window_length - 1)``; it leaks offsets and is kept for reproduction. So
+        are "midpoint", the kernel at the middles of the cells, and "simpson" (odd windows). "cell" and "hat" integrate
+        the kernel exactly against a signal that is constant on every cell, or linear between samples on nodes: no
+        offset leaks, but higher degrees do. Rules that sample the ends refuse negative exponents, which are infinite
+        there; the others give them finite weights.
+    trim : float
+        Leave out, at either end of the window, the samples that together hold at most this share of the sum of the
+        weights' sizes. `window_length` stays the nominal window; `weights` is shorter and the delay less. With the
+        rule "exact" the rest is fitted anew and as exact as before; with the others it is just what is left.
 
     Attributes
     ----------
-    window_length, deriv, degree, kappa, mu, tau, delay, delta, fs, rule
+    window_length, deriv, degree, kappa, mu, tau, delay, delta, fs, rule, trim
         The arguments; `tau` as a number, `delay` in the unit of `delta`.
+    duration : float
+        Length T of the window, in the unit of `delta`.
     delay_samples : float
         Samples from the estimate to the newest sample of the window.
-    weights : ndarray of shape (window_length,)
+    weights : ndarray of shape (window_length,), or shorter if trimmed
         Oldest sample first, in units of ``1 / delta**deriv``: ``weights @ x[i : i + window_length]`` is the
         estimate. Read-only.
     noise_gain : float
         Sum of the squared weights: variance of the estimate over variance of white noise in the samples.
+    norm1 : float
+        Sum of the weights' sizes: a disturbance of size d and any shape moves the estimate by at most ``d * norm1``.
+    bias_constant, bias_order : float, int
+        On a smooth signal the estimate errs by ``bias_constant * x^(deriv + bias_order)`` to leading order. With rules
+        that leak, `bias_order` may be 0 or negative.
+    bias_bound : float
+        And never by more than `bias_bound` times the largest size of that derivative on the window (and up to the
+        estimate, should it lie outside). Infinite where a derivative below `deriv` leaks.
+    moment_delay : float
+        Delay at low frequencies, from the first moment of the weights, in the unit of `delta`: `delay`, unless
+        ``degree == deriv``, when `tau` has no influence.
+    cutoff, half_power : float or None
+        Cutoff (Kiltz and Rudolph) of the kernel, and the -3 dB point of the weights, in cycles per unit of `delta`
+        (Hz). None where there is none (up to the Nyquist frequency for `half_power`).
+    nyquist_attenuation : float or None
+        How far the amplitude of the kernel at the Nyquist frequency lies below that at the cutoff, in dB.
     exactness : int
         Polynomials up to this degree are differentiated exactly at `tau`, and in the interior of every mode; the ends
         are fitted with `degree`. -1 if not even a constant is ("trapezoid").
@@ -99,31 +122,7 @@ class Differentiator:
     True
     """
 
-    __slots__ = (
-        "_asked",
-        "_plan",
-        "_weights",
-        "degree",
-        "delta",
-        "deriv",
-        "kappa",
-        "mu",
-        "rule",
-        "tau",
-        "window_length",
-    )
-
-    _asked: dict[str, Any]
-    _plan: Plan
-    _weights: NDArray[np.float64]
-    window_length: int
-    deriv: int
-    degree: int
-    kappa: float
-    mu: float
-    tau: float
-    delta: float
-    rule: str
+    __slots__ = ()
 
     def __init__(
         self,
@@ -138,6 +137,7 @@ class Differentiator:
         delta: float | None = None,
         fs: float | None = None,
         rule: str = "exact",
+        trim: float = 0.0,
     ) -> None:
         if tau is not None and delay is not None:
             raise ValueError(f"give tau or delay, not both: got tau = {tau!r} and delay = {delay!r}")
@@ -154,6 +154,7 @@ class Differentiator:
                 "delay": None if delay is None else arguments.real("delay", delay),
                 "delta": arguments.sampling_step(delta, fs),
                 "rule": rule,
+                "trim": arguments.real("trim", trim),
             }
         )
         limit = 1.5 * math.sqrt(self.window_length)
@@ -162,7 +163,7 @@ class Differentiator:
                 f"degree {self.degree} exceeds 1.5 sqrt(window_length) = {limit:.3g}: "
                 f"from there on the noise gain grows steeply; it is {self.noise_gain:.3g}"
             )
-            warnings.warn(message, DesignWarning, stacklevel=_outside())
+            warnings.warn(message, DesignWarning, stacklevel=outside())
 
     def _set(self, asked: dict[str, Any]) -> None:
         """Design from checked arguments; what was left out is None."""
@@ -172,7 +173,7 @@ class Differentiator:
         if values["tau"] is None and values["delay"] is None:
             values["tau"] = "center"
         plan = Plan(**values)
-        weights = np.empty(values["window_length"])
+        weights = np.empty(plan.span)
         plan.weights(weights)
         weights.flags.writeable = False
         del values["delay"]
@@ -238,43 +239,149 @@ class Differentiator:
             The result does not fit into memory.
         """
         options: dict[str, Any] = {"mode": mode, "cval": cval, "out": out, "threads": threads, "progress": progress}
-        return run(self._plan, self.window_length, x, axis=axis, **options)
+        return run(self._plan, self._plan.span, x, axis=axis, **options)
 
-    @property
-    def delay(self) -> float:
-        """Time from the estimate to the newest sample of the window, in the unit of `delta`."""
-        return self.delay_samples * self.delta
+    @classmethod
+    def from_cutoff(cls, cutoff: float, deriv: SupportsIndex = 1, *, unit: str = "Hz", **design: Any) -> Differentiator:
+        """Return the design whose cutoff is nearest to `cutoff`.
 
-    @property
-    def delay_samples(self) -> float:
-        """Samples from the estimate to the newest sample of the window."""
-        return self._plan.delay_samples
+        Parameters
+        ----------
+        cutoff : float
+            Where the amplitude leaves that of an ideal differentiator (Kiltz and Rudolph; `half_power` is the -3 dB
+            point).
+        deriv : int
+            Order of the derivative.
+        unit : {"Hz", "rad/s"}
+            Of `cutoff`: cycles or radians per unit of `delta`.
+        **design
+            The other arguments of `Differentiator`, without `window_length`.
 
-    @property
-    def fs(self) -> float:
-        """Sampling rate."""
-        return 1.0 / self.delta
+        Returns
+        -------
+        Differentiator
+            Its `cutoff` says, in Hz, what a whole number of samples came to.
 
-    @property
-    def weights(self) -> NDArray[np.float64]:
-        """Weights, oldest sample first."""
-        return self._weights
+        Raises
+        ------
+        ValueError
+            `cutoff` is not positive, or so high that no window of ``degree + 1`` samples reaches it; or the kernel has
+            no cutoff.
 
-    @property
-    def noise_gain(self) -> float:
-        """Sum of the squared weights."""
-        return float(self._weights @ self._weights)
+        Warns
+        -----
+        DesignWarning
+            The kernel damps the Nyquist frequency by less than 10 dB against the cutoff: the weights cannot follow it.
 
-    @property
-    def exactness(self) -> int:
-        """Polynomials up to this degree are differentiated exactly at `tau`; -1 if none."""
-        exactness = self._plan.exactness
-        return -1 if exactness is None else exactness
+        Examples
+        --------
+        >>> from algdiff import Differentiator
+        >>> d = Differentiator.from_cutoff(20, fs=1000)
+        >>> d.window_length, round(d.cutoff, 2)
+        (47, 20.13)
+        """
+        return choice.from_cutoff(cls, cutoff, deriv, unit, design)
 
-    @property
-    def kernel(self) -> Kernel:
-        """The continuous kernel that the weights discretise."""
-        return Kernel(self.deriv, self.degree, self.kappa, self.mu, self.tau)
+    @classmethod
+    def from_duration(cls, duration: float, deriv: SupportsIndex = 1, **design: Any) -> Differentiator:
+        """Return the design whose window is nearest to `duration` long.
+
+        Parameters
+        ----------
+        duration : float
+            Length T of the window, in the unit of `delta`: rounded to the nearest whole number of steps (up at one
+            half; for "simpson" to the nearest even number), which are `window_length` with rules on cells and one less
+            on nodes.
+        deriv : int
+            Order of the derivative.
+        **design
+            The other arguments of `Differentiator`, without `window_length`.
+
+        Returns
+        -------
+        Differentiator
+            Its `duration` says what it came to.
+
+        Examples
+        --------
+        >>> from algdiff import Differentiator
+        >>> d = Differentiator.from_duration(0.3, delta=0.007)
+        >>> d.window_length, round(d.duration, 3)
+        (43, 0.301)
+        """
+        return choice.from_duration(cls, duration, deriv, design)
+
+    @classmethod
+    def from_delay(
+        cls, delay: float, deriv: SupportsIndex = 1, *, tau: float | str = "center", **design: Any
+    ) -> Differentiator:
+        """Return the design with the point of estimation `tau` whose delay is nearest to `delay`.
+
+        A longer window damps more noise, so that this is the longest window that a delay allows at this `tau`. For a
+        given window and delay use ``Differentiator(window_length, delay=...)``, for the best of all `delay_tradeoff`.
+
+        Parameters
+        ----------
+        delay : float
+            Time from the estimate to the newest sample, in the unit of `delta`, positive.
+        deriv : int
+            Order of the derivative.
+        tau : {"center", "root"} or float
+            Point of estimation, below 1.
+        **design
+            The other arguments of `Differentiator`, without `window_length` and `delay`.
+
+        Returns
+        -------
+        Differentiator
+            Its `delay` says what it came to.
+
+        Examples
+        --------
+        >>> from algdiff import Differentiator
+        >>> d = Differentiator.from_delay(0.05, tau="root", fs=1000)
+        >>> d.window_length, round(d.delay, 4)
+        (239, 0.05)
+        """
+        return choice.from_delay(cls, delay, deriv, tau, design)
+
+    @classmethod
+    def from_notch(
+        cls, frequency: float, deriv: SupportsIndex = 1, *, order: SupportsIndex = 1, unit: str = "Hz", **design: Any
+    ) -> Differentiator:
+        """Return a design that annihilates a frequency.
+
+        The response of a symmetric window has zeros. The window is made as long as puts the `order`-th of them next to
+        `frequency`, and the exponents, equal at both ends, are then moved a little until it is there: to rounding, at
+        the whole number of samples.
+
+        Parameters
+        ----------
+        frequency : float
+            The frequency to annihilate, above 0 and below half the sampling rate.
+        deriv : int
+            Order of the derivative.
+        order : int
+            Which zero of the response, counted from 1: higher ones give longer windows.
+        unit : {"Hz", "rad/s"}
+            Of `frequency`: cycles or radians per unit of `delta`.
+        **design
+            The other arguments of `Differentiator`, without `window_length`; `tau` must be "center" and `kappa` equal
+            to `mu`, the exponent to start from.
+
+        Returns
+        -------
+        Differentiator
+            Its `kappa` and `mu` say what the exponents came to.
+
+        Examples
+        --------
+        >>> from algdiff import Differentiator
+        >>> d = Differentiator.from_notch(50, fs=1000)
+        >>> d.window_length, round(d.kappa, 3), bool(abs(d.frequency_response(50)) < 1e-9)
+        (51, 1.045, True)
+        """
+        return choice.from_notch(cls, frequency, deriv, order, unit, design)
 
     def replace(self, **changes: Any) -> Differentiator:
         """Return a design with some arguments changed, the others as they were given.
@@ -299,7 +406,7 @@ class Differentiator:
                 values[replaced] = None
         return Differentiator(**{**values, **changes})
 
-    _names = ("window_length", "deriv", "degree", "kappa", "mu", "tau", "delta", "rule")
+    _names = ("window_length", "deriv", "degree", "kappa", "mu", "tau", "delta", "rule", "trim")
 
     @property
     def _key(self) -> tuple[Any, ...]:
@@ -330,11 +437,3 @@ def _rebuild(asked: dict[str, Any]) -> Differentiator:
     design = object.__new__(Differentiator)
     design._set(asked)
     return design
-
-
-def _outside() -> int:
-    """Return the stack level, seen from the caller, of the first frame outside of this package."""
-    level, frame = 1, sys._getframe(1)
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("algdiff."):
-        level, frame = level + 1, frame.f_back
-    return level

@@ -5,11 +5,14 @@
 //! of least `sum w^2 / W` that meet the moments `V w = d`. The orthonormal basis makes `V W V^T` nearly the identity up to
 //! degrees of about 2 sqrt(window); beyond, only a QR factorisation of `sqrt(W) V^T` keeps the digits.
 
+use std::ops::Range;
+
 use faer::Mat;
 
 use crate::control::Control;
 use crate::error::{Error, try_vec};
 use crate::jacobi::{Jacobi, Recurrence, ln_power};
+use crate::rule::{Rule, functionals};
 
 /// Rows of the basis that are formed at a time: windows up to this length keep their whole factorisation, longer ones
 /// (whose basis is always well conditioned) keep only its triangle and form the basis again, so that memory stays bounded.
@@ -63,6 +66,9 @@ pub struct Fit {
     family: Jacobi,
     recurrence: Recurrence,
     grid: Grid,
+    /// The whole window; `kept` are the samples of it that have a weight.
+    window_length: usize,
+    kept: Range<usize>,
     base: Vec<f64>,
     factor: Factor,
     /// Norms of the rows of `R^-1`.
@@ -76,8 +82,8 @@ enum Factor {
     Orthogonal { scaled_q: Mat<f64>, r: Mat<f64> },
     /// Only R kept: `w = W V^T R^-1 R^-T d`.
     Triangle { r: Mat<f64> },
-    /// A quadrature rule, which takes `V W V^T` for the identity: the source's own discretisation.
-    Quadrature,
+    /// A quadrature rule, which takes `V W V^T` for the identity: column m holds the weights of coefficient m.
+    Functionals(Vec<Vec<f64>>),
 }
 
 impl Fit {
@@ -87,10 +93,11 @@ impl Fit {
         family: Jacobi,
         degree: usize,
         window_length: usize,
+        kept: Range<usize>,
         control: &impl Control,
     ) -> Result<Self, Error> {
-        let mut base = try_vec(window_length, 0.0)?;
-        for (j, weight) in base.iter_mut().enumerate() {
+        let mut base = try_vec(kept.len(), 0.0)?;
+        for (j, weight) in kept.clone().zip(&mut base) {
             *weight =
                 ln_cell(j, window_length, family.alpha) + ln_cell(window_length - 1 - j, window_length, family.beta);
         }
@@ -99,8 +106,8 @@ impl Fit {
         let sum: f64 = base.iter().sum();
         base.iter_mut().for_each(|weight| *weight /= sum);
         let recurrence = family.recurrence(degree);
-        let (grid, factor, inverse_rows) = (Grid::Cells, Factor::Quadrature, Vec::new());
-        let mut fit = Self { family, recurrence, grid, base, factor, inverse_rows };
+        let (grid, factor, inverse_rows) = (Grid::Cells, Factor::Functionals(Vec::new()), Vec::new());
+        let mut fit = Self { family, recurrence, grid, window_length, kept, base, factor, inverse_rows };
         fit.factor = fit.factorise(control)?;
         if let Factor::Orthogonal { r, .. } | Factor::Triangle { r } = &fit.factor {
             fit.inverse_rows = inverse_rows_of(r);
@@ -108,31 +115,29 @@ impl Fit {
         Ok(fit)
     }
 
-    /// The trapezoidal rule on nodes for the continuous fit. Exponents must not be negative: the rule samples the ends.
-    pub fn trapezoid(family: Jacobi, degree: usize, window_length: usize) -> Result<Self, Error> {
-        for (name, exponent) in [("kappa", family.alpha), ("mu", family.beta)] {
-            if exponent < 0.0 {
-                return Err(Error::argument(
-                    name,
-                    exponent,
-                    "at least 0 with rule = 'trapezoid', which samples the singular end; use rule = 'exact'",
-                ));
-            }
-        }
-        let mut base = try_vec(window_length, 0.0)?;
-        let (last, steps) = (window_length - 1, Grid::Nodes.steps(window_length));
-        for (j, weight) in base.iter_mut().enumerate() {
-            let share = if j == 0 || j == last { 0.5 } else { 1.0 };
-            *weight = share / steps * family.ln_density(j as f64 / steps, (last - j) as f64 / steps).exp();
-        }
-        let recurrence = family.recurrence(degree);
-        Ok(Self { family, recurrence, grid: Grid::Nodes, base, factor: Factor::Quadrature, inverse_rows: Vec::new() })
+    /// The continuous fit by a quadrature rule.
+    pub fn quadrature(
+        rule: Rule,
+        family: Jacobi,
+        degree: usize,
+        window_length: usize,
+        kept: Range<usize>,
+        control: &impl Control,
+    ) -> Result<Self, Error> {
+        let factor = Factor::Functionals(functionals(rule, family, degree, window_length, &kept, control)?);
+        let (recurrence, grid) = (family.recurrence(degree), rule.grid());
+        let (base, inverse_rows) = (Vec::new(), Vec::new());
+        Ok(Self { family, recurrence, grid, window_length, kept, base, factor, inverse_rows })
     }
 
-    /// Number of samples in the window.
+    /// Number of samples that have a weight.
     #[must_use]
-    pub fn window_length(&self) -> usize {
-        self.base.len()
+    pub fn span(&self) -> usize {
+        self.kept.len()
+    }
+
+    fn tau(&self, position: f64) -> f64 {
+        self.grid.tau(position + self.kept.start as f64, self.window_length)
     }
 
     /// Degree of the fit.
@@ -144,11 +149,11 @@ impl Fit {
     /// Weights whose moments are `moments`, and the largest moment error relative to the largest moment.
     pub fn weights(&self, moments: &[f64], control: &impl Control) -> Result<(Vec<f64>, f64), Error> {
         let scale = moments.iter().fold(0.0, |peak: f64, d| peak.max(d.abs()));
-        let mut weights = try_vec(self.window_length(), 0.0)?;
+        let mut weights = try_vec(self.span(), 0.0)?;
         self.add_weights(moments, &mut weights, control)?;
         let mut missing = self.missing_moments(moments, &weights, control)?;
         let mut residual = relative(&missing, scale);
-        if let Factor::Quadrature = self.factor {
+        if let Factor::Functionals(_) = self.factor {
             return Ok((weights, residual));
         }
         while residual > f64::EPSILON {
@@ -190,6 +195,9 @@ impl Fit {
             solve_upper(r, &mut solution);
             return Ok(solution);
         }
+        if let Factor::Functionals(columns) = &self.factor {
+            return Ok(columns.iter().map(|column| dot(column, x)).collect());
+        }
         let mut projection = vec![0.0; self.degree() + 1];
         self.for_each_chunk(control, |start, columns| {
             for (sum, column) in projection.iter_mut().zip(columns) {
@@ -204,19 +212,18 @@ impl Fit {
     /// The `deriv`-th derivative, for T = 1, of the polynomial with the given coefficients, as a function of the position
     /// in samples from the oldest.
     pub fn derivative(&self, coefficients: &[f64], deriv: usize) -> impl Fn(f64) -> f64 + use<> {
-        let (grid, length) = (self.grid, self.window_length());
+        let (grid, length, first) = (self.grid, self.window_length, self.kept.start as f64);
         let lower = self.family.raised(deriv).recurrence(self.degree() - deriv);
         let factors = self.family.derivative_factors(self.degree(), deriv);
         let scaled: Vec<f64> = factors.iter().zip(&coefficients[deriv..]).map(|(factor, a)| factor * a).collect();
-        move |position| lower.sum(&scaled, grid.tau(position, length))
+        move |position| lower.sum(&scaled, grid.tau(position + first, length))
     }
 
     /// Refuses estimates of the `deriv`-th derivative at the first or the last sample through the fitted coefficients, if
     /// their rounding would show.
     pub fn check_ends(&self, deriv: usize) -> Result<(), Error> {
-        let length = self.window_length();
-        for place in [0.0, (length - 1) as f64] {
-            self.check(self.rounding(&self.family.derivatives(self.degree(), deriv, self.grid.tau(place, length))))?;
+        for place in [0.0, (self.span() - 1) as f64] {
+            self.check(self.rounding(&self.family.derivatives(self.degree(), deriv, self.tau(place))))?;
         }
         Ok(())
     }
@@ -238,7 +245,7 @@ impl Fit {
         if error <= ALLOWED_ERROR {
             return Ok(());
         }
-        Err(Error::Moments { degree: self.degree(), window_length: self.window_length(), error })
+        Err(Error::Moments { degree: self.degree(), window_length: self.span(), error })
     }
 
     /// `weights += W V^T (V W V^T)^-1 moments`.
@@ -248,6 +255,12 @@ impl Fit {
             solve_lower(r, &mut solution);
             for (q, factor) in scaled_q.col_iter().zip(solution) {
                 weights.iter_mut().zip(q.iter()).for_each(|(w, q)| *w += factor * q);
+            }
+            return Ok(());
+        }
+        if let Factor::Functionals(columns) = &self.factor {
+            for (column, moment) in columns.iter().zip(moments) {
+                weights.iter_mut().zip(column).for_each(|(w, value)| *w += moment * value);
             }
             return Ok(());
         }
@@ -269,13 +282,13 @@ impl Fit {
 
     /// Calls `body(start, columns)` with `columns[m][j] = p_m(tau_{start + j})` for one chunk of the window after another.
     fn for_each_chunk(&self, control: &impl Control, mut body: impl FnMut(usize, &[Vec<f64>])) -> Result<(), Error> {
-        let length = self.window_length();
+        let length = self.span();
         let mut columns = vec![Vec::new(); self.degree() + 1];
         for start in (0..length).step_by(CHUNK) {
             if start > 0 && !control.proceed(0.0) {
                 return Err(Error::Interrupted);
             }
-            let tau: Vec<f64> = (start..length.min(start + CHUNK)).map(|j| self.grid.tau(j as f64, length)).collect();
+            let tau: Vec<f64> = (start..length.min(start + CHUNK)).map(|j| self.tau(j as f64)).collect();
             self.recurrence.fill(&tau, &mut columns);
             body(start, &columns);
         }
@@ -284,7 +297,7 @@ impl Fit {
 
     /// QR of `sqrt(W) V^T`, whole or chunk by chunk with the triangle of the chunks before on top.
     fn factorise(&self, control: &impl Control) -> Result<Factor, Error> {
-        let (size, length) = (self.degree() + 1, self.window_length());
+        let (size, length) = (self.degree() + 1, self.span());
         if length <= CHUNK {
             let mut columns = Vec::new();
             self.for_each_chunk(control, |_, chunk| columns = chunk.to_vec())?;
@@ -372,12 +385,13 @@ mod tests {
 
     /// The same fit, once with its whole factorisation and once by its triangle alone.
     fn both_ways(family: Jacobi, degree: usize, window_length: usize) -> (Fit, Fit) {
-        let whole = Fit::least_squares(family, degree, window_length, &Unattended).expect("fits");
+        let whole = Fit::least_squares(family, degree, window_length, 0..window_length, &Unattended).expect("fits");
         let Factor::Orthogonal { r, .. } = &whole.factor else { panic!("a short window keeps its Q") };
         let (base, recurrence, factor) =
             (whole.base.clone(), family.recurrence(degree), Factor::Triangle { r: r.clone() });
         let inverse_rows = whole.inverse_rows.clone();
-        let triangle = Fit { family, recurrence, grid: Grid::Cells, base, factor, inverse_rows };
+        let kept = 0..window_length;
+        let triangle = Fit { family, recurrence, grid: Grid::Cells, window_length, kept, base, factor, inverse_rows };
         (whole, triangle)
     }
 
@@ -422,7 +436,7 @@ mod tests {
     #[test]
     fn long_windows_meet_their_moments() {
         let family = Jacobi { alpha: 0.0, beta: 0.0 };
-        let fit = Fit::least_squares(family, 3, 20_001, &Unattended).expect("fits");
+        let fit = Fit::least_squares(family, 3, 20_001, 0..20_001, &Unattended).expect("fits");
         let (_, residual) = fit.weights(&family.derivatives(3, 2, 0.9), &Unattended).expect("meets its moments");
         assert!(residual < 1e-14);
     }
@@ -430,7 +444,7 @@ mod tests {
     #[test]
     fn a_degree_beyond_the_window_is_an_error() {
         let family = Jacobi { alpha: 0.0, beta: 0.0 };
-        let fit = Fit::least_squares(family, 59, 60, &Unattended).expect("factorises");
+        let fit = Fit::least_squares(family, 59, 60, 0..60, &Unattended).expect("factorises");
         let error = fit.weights(&family.derivatives(59, 1, 1.0), &Unattended).expect_err("cannot");
         assert!(matches!(error, Error::Moments { degree: 59, window_length: 60, .. }));
     }

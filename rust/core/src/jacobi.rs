@@ -4,7 +4,7 @@
 //! large exponents, and no monomial or factorial is ever formed. With `x = 2 tau - 1` the weight
 //! `tau^alpha (1 - tau)^beta` belongs to the classical `P_m^{(beta, alpha)}(x)`: the exponent of the newest end comes first there.
 
-use nalgebra::DMatrix;
+use nalgebra::{Complex, DMatrix};
 
 /// The family with exponents `alpha` at 0 and `beta` at 1, both above -1.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -175,6 +175,21 @@ impl Recurrence {
                 (before, current) = (current, next);
             }
             sum += coefficient * current;
+        }
+        sum
+    }
+
+    /// `sum of coefficients[k] p_k(tau)` at a complex point.
+    #[must_use]
+    pub fn sum_complex(&self, coefficients: &[f64], tau: Complex<f64>) -> Complex<f64> {
+        let (mut before, mut current) = (Complex::new(0.0, 0.0), Complex::new(1.0, 0.0));
+        let mut sum = Complex::new(0.0, 0.0);
+        for (k, coefficient) in coefficients.iter().enumerate() {
+            if k > 0 {
+                let next = ((tau - self.a[k - 1]) * current - before * self.b[k - 1]) / self.b[k];
+                (before, current) = (current, next);
+            }
+            sum += current * *coefficient;
         }
         sum
     }

@@ -5,7 +5,7 @@
 
 use crate::control::Control;
 use crate::error::Error;
-use crate::jacobi::{Jacobi, ln_beta};
+use crate::jacobi::{Jacobi, Recurrence, ln_beta};
 
 /// Degrees beyond this are refused: no window that fits in memory gives them a use, and a design would take seconds.
 pub const MAX_DEGREE: usize = 500;
@@ -131,24 +131,42 @@ impl Kernel {
         self.family().derivatives(fit_degree, self.deriv, self.tau)
     }
 
+    /// The kernel of one order less and with both exponents raised by one, of which minus this one is the derivative.
+    ///
+    /// Only for `deriv >= 1`.
+    #[must_use]
+    pub(crate) fn integrated(&self) -> Self {
+        let (kappa, mu) = (self.kappa + 1.0, self.mu + 1.0);
+        Self { deriv: self.deriv - 1, degree: self.degree - 1, kappa, mu, ..*self }
+    }
+
+    /// `k` at one point.
+    #[must_use]
+    pub(crate) fn value(&self, tau: f64) -> f64 {
+        self.value_with(&self.family().recurrence(self.degree), &self.moments(self.degree), tau)
+    }
+
+    fn value_with(&self, recurrence: &Recurrence, moments: &[f64], tau: f64) -> f64 {
+        let sum = recurrence.sum(moments, tau);
+        match tau {
+            tau if tau.is_nan() => tau,
+            // A zero of the polynomial outweighs a density that is infinite there.
+            tau if !(0.0..=1.0).contains(&tau) || sum == 0.0 => 0.0,
+            tau => self.family().ln_density(tau, 1.0 - tau).exp() * sum,
+        }
+    }
+
     /// `k` at `points`, into `out`; zero outside of [0, 1], infinite at an end with a negative exponent.
     pub fn values(&self, points: &[f64], out: &mut [f64], control: &impl Control) -> Result<(), Error> {
         if points.len() != out.len() {
             return Err(Error::argument("out", out.len(), format!("of {} elements", points.len())));
         }
-        let (family, moments) = (self.family(), self.moments(self.degree));
-        let recurrence = family.recurrence(self.degree);
+        let (recurrence, moments) = (self.family().recurrence(self.degree), self.moments(self.degree));
         for (index, (value, &tau)) in out.iter_mut().zip(points).enumerate() {
             if index % 4096 == 4095 && !control.proceed(index as f64 / points.len() as f64) {
                 return Err(Error::Interrupted);
             }
-            let sum = recurrence.sum(&moments, tau);
-            *value = match tau {
-                tau if tau.is_nan() => tau,
-                // A zero of the polynomial outweighs a density that is infinite there.
-                tau if !(0.0..=1.0).contains(&tau) || sum == 0.0 => 0.0,
-                tau => family.ln_density(tau, 1.0 - tau).exp() * sum,
-            };
+            *value = self.value_with(&recurrence, &moments, tau);
         }
         Ok(())
     }

@@ -7,7 +7,10 @@
 //! * [`jacobi`]: the orthonormal polynomials of that weight, their roots and Gauss rules;
 //! * [`kernel`]: the continuous estimator, its exactness, bias and gain;
 //! * [`fit`]: the same fit on the samples of one window;
+//! * [`analysis`], [`response`]: its behaviour in time and frequency, by the rules of [`quadrature`];
+//! * [`rule`]: the classical ways from a kernel to weights;
 //! * [`plan`]: everything decided before the first sample;
+//! * [`filter`]: what the weights of a plan do to signals;
 //! * [`engine`]: how the weights of a plan meet the data;
 //! * [`ends`]: what happens where the window does not lie inside the data;
 //! * [`run`]: arrays, threads and stopping on request.
@@ -15,7 +18,7 @@
 //! ```
 //! use algdiff_core::{kernel::Tau, plan::{Design, Place, Plan, Rule}, control::Unattended, run::{Alignment, Job, Layout, Mode}};
 //!
-//! let design = Design { window_length: 5, deriv: 1, degree: 2, kappa: 0.0, mu: 0.0, place: Place::Tau(Tau::Center), delta: 0.1, rule: Rule::Exact };
+//! let design = Design { window_length: 5, deriv: 1, degree: 2, kappa: 0.0, mu: 0.0, place: Place::Tau(Tau::Center), delta: 0.1, rule: Rule::Exact, trim: 0.0 };
 //! let plan = Plan::new(&design, &Unattended)?;
 //! let x: Vec<f64> = (0..20).map(|i| (0.1 * f64::from(i)).powi(2)).collect();
 //! let mut slope = vec![0.0; 20];
@@ -24,13 +27,18 @@
 //! # Ok::<(), algdiff_core::error::Error>(())
 //! ```
 
+pub mod analysis;
 pub mod control;
 pub mod ends;
 pub mod engine;
 pub mod error;
+pub mod filter;
 pub mod fit;
 pub mod jacobi;
 pub mod kernel;
 pub mod plan;
+pub mod quadrature;
+pub mod response;
 mod rows;
+pub mod rule;
 pub mod run;

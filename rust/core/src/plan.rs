@@ -1,40 +1,22 @@
 //! Everything decided before the first sample: the weights of a window, and how they will meet the data.
 
+use std::ops::Range;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::control::Control;
 use crate::engine::Taps;
 use crate::error::Error;
-use crate::fit::{Fit, Grid};
+use crate::fit::Fit;
 use crate::jacobi::Jacobi;
 use crate::kernel::{Kernel, MAX_TAU, Tau};
+pub use crate::rule::Rule;
 
 /// Windows beyond this are refused: their weights alone would take 80 MB, and a mistyped size should not run for minutes.
 pub const MAX_WINDOW: usize = 10_000_000;
 
 /// Positions in samples that differ by less, relative to themselves, differ by rounding only.
 const SAME_SAMPLE: f64 = 1e-9;
-
-/// How the continuous kernel becomes weights.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Rule {
-    /// Discrete weighted least squares on cells: every polynomial up to the exactness degree, at every window length.
-    Exact,
-    /// The trapezoidal rule on nodes, as in the source: leaks offsets, kept for reproduction.
-    Trapezoid,
-}
-
-impl Rule {
-    /// Where the samples lie.
-    #[must_use]
-    pub fn grid(self) -> Grid {
-        match self {
-            Self::Exact => Grid::Cells,
-            Self::Trapezoid => Grid::Nodes,
-        }
-    }
-}
 
 /// Where in the window the estimate is wanted.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,6 +48,9 @@ pub struct Design {
     pub delta: f64,
     /// How the kernel becomes weights.
     pub rule: Rule,
+    /// Samples at either end of the window that together hold at most this share of the sum of the weights' sizes are
+    /// left out.
+    pub trim: f64,
 }
 
 /// A frozen design: shareable between threads, and never changed.
@@ -73,6 +58,7 @@ pub struct Design {
 pub struct Plan {
     design: Design,
     kernel: Kernel,
+    kept: Range<usize>,
     weights: Vec<f64>,
     fit_degree: usize,
     exactness: Option<usize>,
@@ -92,28 +78,44 @@ impl Plan {
         // At a root the fit has one degree more, unless the window holds just degree + 1 samples.
         let fit_degree = match design.rule {
             Rule::Exact => kernel.exactness().min(design.window_length - 1),
-            Rule::Trapezoid => design.degree,
+            _ => design.degree,
         };
-        let fit = design.fit(fit_degree, control)?;
-        let (mut weights, _) = fit.weights(&kernel.moments(fit_degree), control)?;
         let symmetric = design.kappa == design.mu && kernel.tau() == 0.5;
-        if symmetric {
-            make_symmetric(&mut weights, design.deriv);
+        let moments = kernel.moments(fit_degree);
+        let design_on = |kept: Range<usize>| {
+            let fit = design.fit(fit_degree, kept, control)?;
+            let (mut weights, _) = fit.weights(&moments, control)?;
+            if symmetric {
+                make_symmetric(&mut weights, design.deriv);
+            }
+            Ok((fit, weights))
+        };
+        let mut kept = 0..design.window_length;
+        let (mut fit, mut weights) = design_on(kept.clone())?;
+        if design.trim > 0.0 {
+            kept = trimmed(&weights, design.trim);
+            if kept.len() <= fit_degree {
+                let allowed = format!("so small that more than {fit_degree} samples are left");
+                return Err(Error::argument("trim", design.trim, allowed));
+            }
+            (fit, weights) = design_on(kept.clone())?;
         }
         let exactness = match design.rule {
             // By symmetry the middle gains its degree also where the window is too short for the larger fit.
             Rule::Exact if symmetric => Some(kernel.exactness()),
             Rule::Exact => Some(fit_degree),
-            Rule::Trapezoid => measured_exactness(&kernel.moments(fit_degree), &fit, &weights, control)?,
+            _ => measured_exactness(&moments, &fit, &weights, control)?,
         };
         weights.iter_mut().for_each(|w| *w *= unit);
         if !weights.iter().all(|w| w.is_finite()) {
             return Err(Error::argument("delta", design.delta, "large enough for weights that are finite"));
         }
-        let at_tau = design.taps(&weights, design.rule.grid().position(kernel.tau(), design.window_length))?;
+        let position = design.position(kernel.tau(), &kept);
+        let at_tau = design.taps(&weights, position)?;
         let plan = Self {
             design: *design,
             kernel,
+            kept,
             weights,
             fit_degree,
             exactness,
@@ -153,16 +155,28 @@ impl Plan {
         self.exactness
     }
 
-    /// The position of the estimate in the window, in samples from the oldest.
+    /// Number of weights: the window without what was trimmed.
+    #[must_use]
+    pub fn span(&self) -> usize {
+        self.kept.len()
+    }
+
+    /// The position of the estimate, in samples from the oldest that has a weight.
     #[must_use]
     pub fn position(&self) -> f64 {
-        self.design.rule.grid().position(self.kernel.tau(), self.design.window_length)
+        self.design.position(self.kernel.tau(), &self.kept)
+    }
+
+    /// `tau` at `position`, in samples from the oldest that has a weight.
+    #[must_use]
+    pub fn tau_at(&self, position: f64) -> f64 {
+        self.design.rule.grid().tau(position + self.kept.start as f64, self.design.window_length)
     }
 
     /// Samples from the estimate to the newest sample.
     #[must_use]
     pub fn delay_samples(&self) -> f64 {
-        let delay = (self.design.window_length - 1) as f64 - self.position();
+        let delay = (self.span() - 1) as f64 - self.position();
         let whole = delay.round();
         if same_sample(delay, whole) { whole } else { delay }
     }
@@ -193,13 +207,12 @@ impl Plan {
         }
         // Next to a root the fit keeps its extra degree, which costs next to no noise there.
         let wider =
-            if self.fit_degree > self.design.degree { Some(self.design.fit(self.fit_degree, control)?) } else { None };
+            if self.fit_degree > self.design.degree { Some(self.fit_of(self.fit_degree, control)?) } else { None };
         let fit = match &wider {
             Some(fit) => fit,
             None => self.fit(control)?,
         };
-        let tau = self.design.rule.grid().tau(sample, self.design.window_length);
-        let moments = self.kernel.family().derivatives(self.fit_degree, self.design.deriv, tau);
+        let moments = self.kernel.family().derivatives(self.fit_degree, self.design.deriv, self.tau_at(sample));
         let (mut weights, _) = fit.weights(&moments, control)?;
         weights.iter_mut().for_each(|w| *w *= self.unit);
         let taps = self.design.taps(&weights, sample)?;
@@ -220,8 +233,30 @@ impl Plan {
         if let Some(fit) = self.fit.get() {
             return Ok(fit);
         }
-        let fit = self.design.fit(self.design.degree, control)?;
+        let fit = self.fit_of(self.design.degree, control)?;
         Ok(self.fit.get_or_init(|| fit))
+    }
+
+    fn fit_of(&self, degree: usize, control: &impl Control) -> Result<Fit, Error> {
+        self.design.fit(degree, self.kept.clone(), control)
+    }
+
+    /// Whether constants come out as they should, so that the data may be taken from any origin.
+    #[must_use]
+    pub fn keeps_constants(&self) -> bool {
+        self.design.keeps_constants()
+    }
+
+    /// Degree of the fit that the weights come from.
+    #[must_use]
+    pub fn fit_degree(&self) -> usize {
+        self.fit_degree
+    }
+
+    /// The window length T in time.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        self.design.rule.grid().steps(self.design.window_length) * self.design.delta
     }
 
     /// `1 / T^deriv`: from derivatives on [0, 1] to derivatives in time.
@@ -233,19 +268,16 @@ impl Plan {
 
 impl Design {
     fn check(&self) -> Result<(), Error> {
-        let Self { window_length, degree, delta, rule, .. } = *self;
+        let Self { window_length, degree, delta, rule, trim, .. } = *self;
         if window_length > MAX_WINDOW {
             return Err(Error::argument("window_length", window_length, format!("at most {MAX_WINDOW}")));
         }
-        let least = match rule {
-            Rule::Exact => degree.saturating_add(1),
-            Rule::Trapezoid => degree.saturating_add(1).max(2),
-        };
-        if window_length < least {
-            return Err(Error::argument("window_length", window_length, format!("at least degree + 1 = {least}")));
-        }
+        rule.check(window_length, degree)?;
         if !(delta.is_finite() && delta > 0.0) {
             return Err(Error::argument("delta", delta, "finite and positive"));
+        }
+        if !(0.0..0.5).contains(&trim) {
+            return Err(Error::argument("trim", trim, "at least 0 and less than 1/2"));
         }
         Ok(())
     }
@@ -287,27 +319,47 @@ impl Design {
         ))
     }
 
-    fn fit(&self, degree: usize, control: &impl Control) -> Result<Fit, Error> {
+    fn fit(&self, degree: usize, kept: Range<usize>, control: &impl Control) -> Result<Fit, Error> {
         let family = Jacobi { alpha: self.kappa, beta: self.mu };
         match self.rule {
-            Rule::Exact => Fit::least_squares(family, degree, self.window_length, control),
-            Rule::Trapezoid => Fit::trapezoid(family, degree, self.window_length),
+            Rule::Exact => Fit::least_squares(family, degree, self.window_length, kept, control),
+            rule => Fit::quadrature(rule, family, degree, self.window_length, kept, control),
         }
     }
 
-    /// Weights that sum to zero run on first differences, and those that sum to one on differences to the sample nearest to
-    /// the estimate; the trapezoidal rule leaks offsets and must go on leaking them.
-    fn taps(&self, weights: &[f64], position: f64) -> Result<Taps, Error> {
-        match (self.rule, self.deriv) {
-            (Rule::Trapezoid, _) => Taps::plain(weights),
-            (Rule::Exact, 0) if self.window_length == 1 => Taps::plain(weights),
-            (Rule::Exact, 0) => {
-                let anchor = position.round().clamp(0.0, (self.window_length - 1) as f64);
-                Taps::on_differences(weights, Some((anchor as isize).cast_unsigned()))
-            }
-            (Rule::Exact, _) => Taps::on_differences(weights, None),
-        }
+    fn position(&self, tau: f64, kept: &Range<usize>) -> f64 {
+        self.rule.grid().position(tau, self.window_length) - kept.start as f64
     }
+
+    fn keeps_constants(&self) -> bool {
+        self.rule.keeps_constants() && (self.rule == Rule::Exact || self.trim == 0.0)
+    }
+
+    /// Weights that sum to zero run on first differences, and those that sum to one on differences to the sample nearest to
+    /// the estimate; rules that leak offsets must go on leaking them.
+    fn taps(&self, weights: &[f64], position: f64) -> Result<Taps, Error> {
+        if !self.keeps_constants() || (self.deriv == 0 && weights.len() == 1) {
+            return Taps::plain(weights);
+        }
+        let nearest = position.round().clamp(0.0, (weights.len() - 1) as f64) as usize;
+        Taps::on_differences(weights, (self.deriv == 0).then_some(nearest))
+    }
+}
+
+/// The samples that are left when as many as hold `share` of the sum of the weights' sizes are taken from each end.
+fn trimmed(weights: &[f64], share: f64) -> Range<usize> {
+    let allowed = share * weights.iter().map(|w| w.abs()).sum::<f64>();
+    let outer = |sizes: &mut dyn Iterator<Item = &f64>| {
+        let mut held = 0.0;
+        sizes
+            .take_while(|w| {
+                held += w.abs();
+                held <= allowed
+            })
+            .count()
+    };
+    let (oldest, newest) = (outer(&mut weights.iter()), outer(&mut weights.iter().rev()));
+    oldest..weights.len() - newest
 }
 
 /// Whether two positions in samples are the same but for rounding.

@@ -8,7 +8,7 @@ use crate::engine::direct::{self, Scratch};
 use crate::engine::{Sample, Taps};
 use crate::error::{Error, try_vec};
 use crate::fit::Fit;
-use crate::plan::{Plan, Rule};
+use crate::plan::Plan;
 
 /// Outputs of one row that are worked on at a time, at most.
 pub const PIECE: usize = 1 << 13;
@@ -77,7 +77,7 @@ impl Rows<'_> {
     /// Outputs of one row.
     #[must_use]
     pub fn outputs(&self) -> usize {
-        self.layout.outputs(self.mode, self.plan.design().window_length)
+        self.layout.outputs(self.mode, self.plan.span())
     }
 
     /// Whether rows are gathered together with their extensions, so that every output is an interior one: columns, and
@@ -258,13 +258,10 @@ impl<'a, T: Sample> Worker<'a, T> {
     /// The fit of the first or last whole window, evaluated at the samples themselves.
     fn fitted_end(&mut self, fit: &Fit, row: Row<'_, T>, start: usize, out: &mut [T]) -> Result<(), Error> {
         let Rows { plan, interior, layout, .. } = self.rows;
-        let (deriv, length) = (plan.design().deriv, fit.window_length());
+        let (deriv, length) = (plan.design().deriv, fit.span());
         let first = if start < interior.0 { 0 } else { layout.samples - length };
-        // The fit reproduces constants, so any may be taken out first: what is left has the size of the signal's variation.
-        let reference = match plan.design().rule {
-            Rule::Exact => row.get(first).to_f64(),
-            Rule::Trapezoid => 0.0,
-        };
+        // Where constants are reproduced, any may be taken out first: what is left has the size of the signal's variation.
+        let reference = if plan.keeps_constants() { row.get(first).to_f64() } else { 0.0 };
         let key = (row.x.as_ptr().wrapping_add(row.first) as usize, first);
         if self.fitted.as_ref().is_none_or(|(fitted, _)| *fitted != key) {
             resize(&mut self.window, length)?;

@@ -59,12 +59,12 @@ impl Job<'_> {
     /// Outputs of one row.
     #[must_use]
     pub fn outputs(&self) -> usize {
-        self.layout.outputs(self.mode, self.plan.design().window_length)
+        self.layout.outputs(self.mode, self.plan.span())
     }
 
     /// Estimates into `out`, which has the shape of `x` but for [`Job::outputs`] along the differentiated axis.
     pub fn run<T: Sample>(&self, x: &[T], out: &mut [T], control: &impl Control) -> Result<(), Error> {
-        let (samples, window_length) = (self.layout.samples, self.plan.design().window_length);
+        let (samples, window_length) = (self.layout.samples, self.plan.span());
         if window_length > samples && !self.mode.extends() {
             let allowed = format!("at most the {samples} samples of x in mode '{}'", self.mode.name());
             return Err(Error::argument("window_length", window_length, allowed));
@@ -87,7 +87,7 @@ impl Job<'_> {
     /// Decides what every thread needs to know.
     fn rows(&self, control: &impl Control) -> Result<Rows<'_>, Error> {
         let (plan, mode, outputs) = (self.plan, self.mode, self.outputs());
-        let window_length = plan.design().window_length;
+        let window_length = plan.span();
         let half_sample = self.alignment == Alignment::HalfSample && window_length.is_multiple_of(2);
         let (taps, center) = match mode {
             Mode::Valid => (plan.taps(), 0),

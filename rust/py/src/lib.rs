@@ -3,13 +3,15 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;
 
+use algdiff_core::analysis::{Conditions, Tradeoff};
 use algdiff_core::control::Control;
 use algdiff_core::engine::Sample;
 use algdiff_core::error::Error;
 use algdiff_core::kernel::{Kernel as CoreKernel, Tau};
-use algdiff_core::plan::{Design, Place, Plan as CorePlan, Rule};
+use algdiff_core::plan::{Design, Place, Plan as CorePlan};
+use algdiff_core::rule::RULES;
 use algdiff_core::run::{Alignment, Job, Layout, Mode};
-use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray1};
+use numpy::{Complex64, Element, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray1};
 use pyo3::exceptions::{PyMemoryError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
@@ -132,6 +134,111 @@ impl Kernel {
         let (points, out) = (points.as_slice()?, out.as_slice_mut()?);
         enter(py, None, |control| self.0.values(points, out, control))
     }
+
+    fn frequency_response(
+        &self,
+        py: Python<'_>,
+        omega: &Bound<'_, PyArray1<f64>>,
+        reference: f64,
+        out: &Bound<'_, PyArray1<Complex64>>,
+    ) -> PyResult<()> {
+        let (omega, mut out) = (omega.try_readonly()?, out.try_readwrite()?);
+        let (omega, out) = (omega.as_slice()?, out.as_slice_mut()?);
+        enter(py, None, |control| self.0.frequency_response(omega, reference, out, control))
+    }
+
+    fn step_response(
+        &self,
+        py: Python<'_>,
+        times: &Bound<'_, PyArray1<f64>>,
+        out: &Bound<'_, PyArray1<f64>>,
+    ) -> PyResult<()> {
+        let (times, mut out) = (times.try_readonly()?, out.try_readwrite()?);
+        let (times, out) = (times.as_slice()?, out.as_slice_mut()?);
+        enter(py, None, |control| self.0.step_response(times, out, control))
+    }
+
+    #[getter]
+    fn ln_asymptotes(&self) -> (f64, f64) {
+        self.0.ln_asymptotes()
+    }
+
+    #[getter]
+    fn roll_off(&self) -> f64 {
+        self.0.roll_off()
+    }
+
+    #[getter]
+    fn cutoff(&self) -> Option<f64> {
+        self.0.cutoff()
+    }
+
+    fn half_power(&self, py: Python<'_>) -> PyResult<Option<f64>> {
+        enter(py, None, |control| self.0.half_power(control))
+    }
+
+    fn norm1(&self, py: Python<'_>) -> PyResult<f64> {
+        enter(py, None, |_| Ok(self.0.norm1()))
+    }
+
+    #[getter]
+    fn bias_bound(&self) -> f64 {
+        self.0.bias_bound()
+    }
+
+    #[getter]
+    fn moment_delay(&self) -> f64 {
+        self.0.moment_delay()
+    }
+
+    fn optimal_duration(
+        &self,
+        py: Python<'_>,
+        noise_level: f64,
+        derivative_bound: f64,
+        delta: f64,
+        bounded: bool,
+    ) -> PyResult<f64> {
+        let conditions = Conditions { noise_level, derivative_bound, delta };
+        enter(py, None, |_| {
+            if bounded { self.0.optimal_duration_bounded(&conditions) } else { self.0.optimal_duration(&conditions) }
+        })
+    }
+
+    fn rmse(
+        &self,
+        py: Python<'_>,
+        duration: f64,
+        noise_level: f64,
+        derivative_bound: f64,
+        delta: f64,
+    ) -> PyResult<f64> {
+        enter(py, None, |_| self.0.rmse(duration, &Conditions { noise_level, derivative_bound, delta }))
+    }
+}
+
+/// The least error and its window, for every delay.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "the estimator's and the signal's own parameters, by their own names")]
+#[expect(clippy::needless_pass_by_value, reason = "a Python list becomes a vector")]
+fn delay_tradeoff(
+    py: Python<'_>,
+    delays: Vec<f64>,
+    deriv: usize,
+    degree: usize,
+    kappa: f64,
+    mu: f64,
+    noise_level: f64,
+    amplitude: f64,
+    bandwidth: f64,
+    delta: f64,
+) -> PyResult<Vec<(f64, f64)>> {
+    let exponents = (kappa, mu);
+    let tradeoff = Tradeoff { deriv, degree, exponents, noise_level, amplitude, frequency: bandwidth, delta };
+    enter(py, None, |control| {
+        let best = |delay: &f64| if control.proceed(0.0) { tradeoff.best(*delay) } else { Err(Error::Interrupted) };
+        delays.iter().map(best).collect()
+    })
 }
 
 /// A frozen design.
@@ -141,7 +248,7 @@ struct Plan(CorePlan);
 #[pymethods]
 impl Plan {
     #[new]
-    #[pyo3(signature = (window_length, deriv, degree, kappa, mu, delta, rule, *, tau=None, delay=None, position=None))]
+    #[pyo3(signature = (window_length, deriv, degree, kappa, mu, delta, rule, trim=0.0, *, tau=None, delay=None, position=None))]
     #[expect(clippy::too_many_arguments, reason = "the design's own parameters, by their own names")]
     fn new(
         py: Python<'_>,
@@ -152,6 +259,7 @@ impl Plan {
         mu: f64,
         delta: f64,
         rule: &str,
+        trim: f64,
         tau: Option<Point>,
         delay: Option<f64>,
         position: Option<f64>,
@@ -162,12 +270,10 @@ impl Plan {
             (None, None, Some(position)) => Place::Position(position),
             _ => return Err(PyTypeError::new_err("give one of tau, delay and position")),
         };
-        let rule = match rule {
-            "exact" => Rule::Exact,
-            "trapezoid" => Rule::Trapezoid,
-            _ => return Err(unknown("rule", rule, "'exact' or 'trapezoid'")),
+        let Some(&(_, rule)) = RULES.iter().find(|(word, _)| *word == rule) else {
+            return Err(unknown("rule", rule, "'exact', 'trapezoid', 'midpoint', 'simpson', 'cell' or 'hat'"));
         };
-        let design = Design { window_length, deriv, degree, kappa, mu, place, delta, rule };
+        let design = Design { window_length, deriv, degree, kappa, mu, place, delta, rule, trim };
         enter(py, None, |control| CorePlan::new(&design, control)).map(Self)
     }
 
@@ -186,11 +292,54 @@ impl Plan {
         self.0.exactness()
     }
 
+    #[getter]
+    fn span(&self) -> usize {
+        self.0.span()
+    }
+
+    #[getter]
+    fn duration(&self) -> f64 {
+        self.0.duration()
+    }
+
+    fn frequency_response(
+        &self,
+        py: Python<'_>,
+        frequency: &Bound<'_, PyArray1<f64>>,
+        out: &Bound<'_, PyArray1<Complex64>>,
+    ) -> PyResult<()> {
+        let (frequency, mut out) = (frequency.try_readonly()?, out.try_readwrite()?);
+        let (frequency, out) = (frequency.as_slice()?, out.as_slice_mut()?);
+        enter(py, None, |control| self.0.frequency_response(frequency, out, control))
+    }
+
+    fn half_power(&self, py: Python<'_>) -> PyResult<Option<f64>> {
+        enter(py, None, |control| self.0.half_power(control))
+    }
+
+    fn discretisation_error(&self, py: Python<'_>, frequency: f64) -> PyResult<f64> {
+        enter(py, None, |control| self.0.discretisation_error(frequency, control))
+    }
+
+    fn bias(&self, py: Python<'_>) -> PyResult<(usize, f64)> {
+        enter(py, None, |control| self.0.bias(control))
+    }
+
+    #[getter]
+    fn bias_bound(&self) -> f64 {
+        self.0.bias_bound()
+    }
+
+    #[getter]
+    fn moment_delay(&self) -> f64 {
+        self.0.moment_delay()
+    }
+
     fn weights(&self, out: &Bound<'_, PyArray1<f64>>) -> PyResult<()> {
         let mut out = out.try_readwrite()?;
         let (weights, out) = (self.0.weights(), out.as_slice_mut()?);
         if weights.len() != out.len() {
-            return Err(PyValueError::new_err("out must have window_length elements"));
+            return Err(PyValueError::new_err("out must have as many elements as there are weights"));
         }
         out.copy_from_slice(weights);
         Ok(())
@@ -248,5 +397,5 @@ fn run<T: Sample + Element>(
 #[pymodule]
 mod _core {
     #[pymodule_export]
-    use super::{InternalError, Kernel, Plan};
+    use super::{InternalError, Kernel, Plan, delay_tradeoff};
 }

@@ -5,6 +5,10 @@
 
 pub mod direct;
 
+use std::f64::consts::TAU;
+
+use nalgebra::Complex;
+
 use crate::error::{Error, try_vec};
 
 /// The weights of a design in the form that engines apply: `out[i] = scale * sum of taps[k] s[i + k]`, where `s` is the
@@ -53,6 +57,34 @@ impl Taps {
         let mut single = try_vec(double.len(), 0.0)?;
         single.iter_mut().zip(&double).for_each(|(single, double)| *single = *double as f32);
         Ok(Self { double, single, scale: libm::ldexp(1.0, exponent), on_differences, anchor: None })
+    }
+
+    /// The frequency response of what the engines compute, with the phase reference at `position`, in samples from the oldest;
+    /// `turns` is the frequency in cycles per sample.
+    ///
+    /// On differences it carries the factor `z - 1` explicitly, and so keeps its digits at low frequencies.
+    #[must_use]
+    pub fn response(&self, turns: f64, position: f64) -> Complex<f64> {
+        let power = |k: f64| Complex::from_polar(1.0, TAU * (turns * (k - position)).fract());
+        // exp(2 pi i turns k) by blocks: one product for every tap, and the errors of 64 of them.
+        let step: Vec<Complex<f64>> =
+            (0..64).map(|k| Complex::from_polar(1.0, TAU * (turns * f64::from(k)).fract())).collect();
+        let sum: Complex<f64> = self
+            .double
+            .chunks(step.len())
+            .enumerate()
+            .map(|(block, taps)| {
+                let inner: Complex<f64> = taps.iter().zip(&step).map(|(tap, z)| z * tap).sum();
+                inner * power((block * step.len()) as f64)
+            })
+            .sum();
+        let scaled = sum * self.scale;
+        if !self.on_differences {
+            return scaled;
+        }
+        let half = 0.5 * TAU * turns.fract();
+        let difference = Complex::new(0.0, 2.0 * half.sin()) * Complex::from_polar(1.0, half);
+        scaled * difference + self.anchor.map_or(Complex::new(0.0, 0.0), |anchor| power(anchor as f64))
     }
 
     /// Samples that one output reads.

@@ -1,0 +1,408 @@
+"""Windows chosen by what they are to do: a cutoff, a duration, a delay, a notch, the least error."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import TYPE_CHECKING, Any, NamedTuple, SupportsIndex
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from algdiff import _arguments as arguments
+from algdiff import _core
+from algdiff._kernel import Kernel
+from algdiff._warnings import DesignWarning, outside
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from algdiff._differentiator import Differentiator
+
+NODES = ("trapezoid", "simpson", "hat")
+LEAST_ATTENUATION = 10.0
+"""In dB: a kernel that damps the Nyquist frequency by less is too fast for its sampling."""
+
+
+class _Wish:
+    """The arguments of a design whose window length is yet to be found."""
+
+    def __init__(self, deriv: SupportsIndex, design: dict[str, Any], **given: Any) -> None:
+        for name in ("window_length", *(name for name in given if name in design)):
+            if name in design:
+                raise TypeError(f"{name} follows from what is asked for: it cannot be given as well")
+        values: dict[str, Any] = {**design, **given}
+        self.deriv = arguments.integer("deriv", deriv, 0)
+        self.delta = arguments.sampling_step(values.pop("delta", None), values.pop("fs", None))
+        if not (math.isfinite(self.delta) and self.delta > 0):
+            raise ValueError(f"delta must be finite and positive, got {self.delta}")
+        self.rest = values
+        degree = values.get("degree")
+        self.degree = self.deriv + 2 if degree is None else arguments.integer("degree", degree, 0)
+        self.kappa, self.mu = (arguments.real(name, values.get(name, 1.0)) for name in ("kappa", "mu"))
+        self.on_nodes = values.get("rule") in NODES
+        self.least = self.length(self.degree if self.on_nodes else self.degree + 1)
+
+    def length(self, steps: float) -> int:
+        """Return the window length whose duration is nearest to `steps` sampling steps."""
+        if self.rest.get("rule") == "simpson":
+            return 2 * max(math.floor(steps / 2 + 0.5), 1) + 1
+        return math.floor(steps + 0.5) + self.on_nodes
+
+    def steps(self, window_length: int) -> int:
+        """Return the duration of a window in sampling steps."""
+        return window_length - self.on_nodes
+
+    def kernel(self, window_length: int) -> Kernel:
+        """Return the continuous kernel of a window."""
+        tau, delay = self.rest.get("tau"), self.rest.get("delay")
+        cell = 0.0 if self.on_nodes else 0.5
+        if delay is not None:
+            tau = 1 - (arguments.real("delay", delay) / self.delta + cell) / self.steps(window_length)
+        elif tau == "newest":
+            tau = 1 - cell / self.steps(window_length)
+        return Kernel(self.deriv, self.degree, self.kappa, self.mu, "center" if tau is None else tau)
+
+    def nearest(self, start: int, miss: Callable[[int], float]) -> int:
+        """Return the window length, `start` or next to it, that misses least."""
+        step = 2 if self.rest.get("rule") == "simpson" else 1
+        return min((n for n in (start, start - step, start + step) if n >= self.least), key=miss)
+
+    def design(self, cls: type[Differentiator], window_length: int, **changes: Any) -> Differentiator:
+        return cls(window_length, self.deriv, delta=self.delta, **{**self.rest, **changes})
+
+
+def _positive(name: str, value: object) -> float:
+    number = arguments.real(name, value)
+    if not (math.isfinite(number) and number > 0):
+        raise ValueError(f"{name} must be finite and positive, got {number}")
+    return number
+
+
+def _angular(name: str, value: object, unit: str) -> float:
+    frequency = _positive(name, value)
+    if unit not in ("Hz", "rad/s"):
+        raise ValueError(f"unit must be 'Hz' or 'rad/s', got {unit!r}")
+    return 2 * math.pi * frequency if unit == "Hz" else frequency
+
+
+def from_cutoff(
+    cls: type[Differentiator], cutoff: float, deriv: SupportsIndex, unit: str, design: dict[str, Any]
+) -> Differentiator:
+    """Return the design of `Differentiator.from_cutoff`."""
+    wish = _Wish(deriv, design)
+    wanted = _angular("cutoff", cutoff, unit) * wish.delta
+
+    def reached(window_length: int) -> float:
+        kernel = wish.kernel(window_length)
+        if kernel.cutoff is None:
+            raise ValueError(
+                f"kappa, mu and tau must give a kernel with a cutoff: that of kappa = {kernel.kappa}, mu = {kernel.mu} "
+                f"at tau = {kernel.tau} vanishes at the end that governs"
+            )
+        return kernel.cutoff / wish.steps(window_length)
+
+    def too_high() -> ValueError:
+        factor = 2 * math.pi if unit == "Hz" else 1.0
+        highest = reached(wish.least) / wish.delta / factor
+        return ValueError(
+            f"cutoff must be at most {highest:.6g} {unit}, that of a window of {wish.least} samples, got {cutoff}"
+        )
+
+    # `tau` in the words of samples or of a delay depends on the window: a fixed point, from the side of long windows.
+    length = wish.least
+    for _ in range(60):
+        steps = reached(length) * wish.steps(length) / wanted
+        if steps > arguments.MAX_WINDOW:
+            raise ValueError(f"cutoff must be higher: a window of {steps:.3g} samples is needed, got {cutoff}")
+        following = max(wish.length(steps), wish.least)
+        if following == length:
+            break
+        length = following
+    length = wish.nearest(length, lambda n: abs(reached(n) - wanted))
+    if length == wish.least and reached(length) < wanted * (1 - 0.5 / wish.steps(length)):
+        raise too_high()
+    found = wish.design(cls, length)
+    damped = found.nyquist_attenuation
+    if damped is not None and damped < LEAST_ATTENUATION:
+        warnings.warn(
+            f"the Nyquist frequency is damped by {damped:.3g} dB against the cutoff, less than {LEAST_ATTENUATION:g}: "
+            "sample faster, or choose a lower cutoff or larger kappa and mu",
+            DesignWarning,
+            stacklevel=outside(),
+        )
+    return found
+
+
+def from_duration(
+    cls: type[Differentiator], duration: float, deriv: SupportsIndex, design: dict[str, Any]
+) -> Differentiator:
+    """Return the design of `Differentiator.from_duration`."""
+    wish = _Wish(deriv, design)
+    steps = _positive("duration", duration) / wish.delta
+    length = wish.length(min(steps, arguments.MAX_WINDOW + 1))
+    if not wish.least <= length <= arguments.MAX_WINDOW:
+        limit, word = (wish.least, "least") if length < wish.least else (arguments.MAX_WINDOW, "most")
+        allowed = f"at {word} {wish.steps(limit) * wish.delta:.6g}, that of {limit} samples"
+        raise ValueError(f"duration must be {allowed}, got {duration}")
+    return wish.design(cls, length)
+
+
+def from_delay(
+    cls: type[Differentiator], delay: float, deriv: SupportsIndex, tau: float | str, design: dict[str, Any]
+) -> Differentiator:
+    """Return the design of `Differentiator.from_delay`."""
+    if tau == "newest":
+        raise ValueError("tau must be a point before the newest sample, got 'newest', whose delay is always 0")
+    if "delay" in design:
+        raise TypeError("delay follows from what is asked for: it cannot be given as well")
+    wish = _Wish(deriv, design, tau=tau)
+    samples = _positive("delay", delay) / wish.delta
+    rest = 1 - wish.kernel(wish.least).tau
+    if rest <= 0:
+        raise ValueError(f"tau must be less than 1 for a delay, got {tau!r}")
+    cell = 0.0 if wish.on_nodes else 0.5
+    steps = (samples + cell) / rest
+    if steps > arguments.MAX_WINDOW:
+        raise ValueError(f"delay must be shorter: a window of {steps:.3g} samples is needed, got {delay}")
+
+    def miss(window_length: int) -> float:
+        return abs(wish.steps(window_length) * rest - cell - samples)
+
+    length = wish.nearest(max(wish.length(steps), wish.least), miss)
+    if length == wish.least and wish.steps(length) * rest - cell > samples + max(rest, 0.5):
+        least = (wish.steps(length) * rest - cell) * wish.delta
+        raise ValueError(f"delay must be at least {least:.6g}, that of {wish.least} samples at this tau, got {delay}")
+    return wish.design(cls, length)
+
+
+def from_notch(
+    cls: type[Differentiator],
+    frequency: float,
+    deriv: SupportsIndex,
+    order: SupportsIndex,
+    unit: str,
+    design: dict[str, Any],
+) -> Differentiator:
+    """Return the design of `Differentiator.from_notch`."""
+    wish = _Wish(deriv, design)
+    number = arguments.integer("order", order, 1)
+    if wish.kappa != wish.mu:
+        raise ValueError(f"kappa and mu must be equal for a notch, got kappa = {wish.kappa} and mu = {wish.mu}")
+    if design.get("delay") is not None or design.get("tau") not in (None, "center", 0.5):
+        raise ValueError("tau must be 'center' for a notch: only symmetric windows have zeros")
+    turns = _angular("frequency", frequency, unit) * wish.delta
+    if turns >= math.pi:
+        raise ValueError(f"frequency must be below half the sampling rate, got {frequency} {unit}")
+    zero = _zero(wish.kernel(wish.least), number)
+    length = wish.length(zero / turns)
+    if length < wish.least:
+        raise ValueError(
+            f"frequency must be lower, or order higher: a window of {length} samples is needed "
+            f"and degree + 1 = {wish.least} is the least, got {frequency} {unit}"
+        )
+    if length > arguments.MAX_WINDOW:
+        raise ValueError(
+            f"frequency must be higher: a window of {length:.3g} samples is needed, got {frequency} {unit}"
+        )
+
+    def left(exponent: float) -> tuple[float, Differentiator]:
+        found = wish.design(cls, length, kappa=exponent, mu=exponent)
+        response = found.frequency_response(turns / (2 * math.pi * wish.delta))
+        return float((response / 1j**wish.deriv).real), found
+
+    return _secant(left, wish.kappa)
+
+
+def _zero(kernel: Kernel, number: int) -> float:
+    """Return the zero of the response of a symmetric kernel, as omega T, by its number."""
+
+    def real(omega: NDArray[Any]) -> NDArray[np.float64]:
+        return np.asarray((kernel.frequency_response(omega) / 1j**kernel.deriv).real)
+
+    found, start, step = 0, 0.0, 0.25
+    while True:
+        omega = start + step * np.arange(1, 257)
+        positive = real(omega) > 0
+        changes = np.flatnonzero(positive[1:] != positive[:-1])
+        if found + changes.size >= number:
+            low = float(omega[changes[number - found - 1]])
+            break
+        found, start = found + changes.size, float(omega[-2])
+    for _ in range(9):
+        fine = low + step * np.linspace(0, 1, 65)
+        positive = real(fine) > 0
+        low, step = float(fine[np.argmax(positive != positive[0]) - 1]), step / 64
+    return low + step / 2
+
+
+def _secant(left: Callable[[float], tuple[float, Differentiator]], start: float) -> Differentiator:
+    """Return the design whose exponent leaves nothing, starting from `start`."""
+    step = 0.05 * (1 + start)
+    before, (before_left, _) = start, left(start)
+    here = start + step
+    here_left, found = left(here)
+    for _ in range(40):
+        if here_left in (0.0, before_left):
+            break
+        following = here - here_left * (here - before) / (here_left - before_left)
+        following = max(following, (here - 1) / 2)  # stays above -1
+        if following == here:
+            break
+        before, before_left = here, here_left
+        here = following
+        here_left, found = left(here)
+        if abs(here - before) <= 4e-16 * (1 + abs(here)):
+            break
+    return found
+
+
+def optimal_window(
+    noise_level: float,
+    deriv: SupportsIndex = 1,
+    *,
+    derivative_bound: float | None = None,
+    bandwidth: float | None = None,
+    amplitude: float | None = None,
+    **design: Any,
+) -> Differentiator:
+    r"""Return the design whose window balances white noise against bias.
+
+    The window length is that of `Kernel.optimal_duration`, rounded as in `Differentiator.from_duration` and at least
+    ``degree + 1`` samples: the best for signals of which no more is known than the size of one derivative.
+
+    Parameters
+    ----------
+    noise_level : float
+        Standard deviation of the noise in the samples.
+    deriv : int
+        Order of the derivative.
+    derivative_bound : float, optional
+        The largest size of the derivative of order ``deriv + p`` of the signal, where p is the kernel's `bias_order`.
+    bandwidth, amplitude : float, optional
+        Instead of `derivative_bound`: the highest frequency in the signal, in cycles per unit of `delta` (Hz), and its
+        largest size, which bound that derivative by ``amplitude * (2 pi bandwidth)**(deriv + p)`` (Bernstein).
+    **design
+        The other arguments of `Differentiator`, without `window_length` and `delay`.
+
+    Returns
+    -------
+    Differentiator
+
+    Raises
+    ------
+    ValueError
+        A number is not positive, neither or both ways of bounding the derivative are given, or the noise gain is
+        infinite (an exponent of -1/2 or less).
+
+    Examples
+    --------
+    >>> import algdiff
+    >>> d = algdiff.optimal_window(0.01, bandwidth=1, amplitude=1, fs=1000)
+    >>> d.window_length
+    335
+    """
+    from algdiff._differentiator import Differentiator
+
+    wish = _Wish(deriv, design)
+    if design.get("delay") is not None:
+        raise ValueError("delay must be left out: at one delay, tau depends on the window; see delay_tradeoff")
+    kernel = wish.kernel(arguments.MAX_WINDOW)
+    if derivative_bound is None:
+        if bandwidth is None or amplitude is None:
+            raise ValueError("give derivative_bound, or bandwidth and amplitude")
+        rate = 2 * math.pi * _positive("bandwidth", bandwidth)
+        derivative_bound = _positive("amplitude", amplitude) * rate ** (kernel.deriv + kernel.bias_order)
+    elif bandwidth is not None or amplitude is not None:
+        raise ValueError("give derivative_bound, or bandwidth and amplitude, not both")
+    duration = kernel.optimal_duration(noise_level, derivative_bound, wish.delta)
+    length = wish.length(min(duration / wish.delta, arguments.MAX_WINDOW - 2))
+    return wish.design(Differentiator, max(length, wish.least))
+
+
+class DelayTradeoff(NamedTuple):
+    """The least error that each delay allows.
+
+    Attributes
+    ----------
+    delay : ndarray
+        The delays, in the unit of `delta`.
+    rmse : ndarray
+        Root-mean-square error of the estimate.
+    window_length : ndarray of int
+        The window that reaches it: ``Differentiator(window_length, delay=delay, ...)``.
+
+    Examples
+    --------
+    >>> import algdiff
+    >>> curve = algdiff.delay_tradeoff([0.1], 0.01, bandwidth=1, amplitude=1, degree=2, fs=1000)
+    >>> d = algdiff.Differentiator(curve.window_length[0], degree=2, delay=curve.delay[0], fs=1000)
+    >>> round(d.delay, 12)
+    0.1
+    """
+
+    delay: NDArray[np.float64]
+    rmse: NDArray[np.float64]
+    window_length: NDArray[np.intp]
+
+
+def delay_tradeoff(
+    delays: ArrayLike,
+    noise_level: float,
+    deriv: SupportsIndex = 1,
+    *,
+    bandwidth: float,
+    amplitude: float,
+    degree: SupportsIndex | None = None,
+    kappa: float = 1.0,
+    mu: float = 1.0,
+    delta: float | None = None,
+    fs: float | None = None,
+) -> DelayTradeoff:
+    """Return the least error that any window reaches at each delay.
+
+    The error is that on a sinusoid in white noise, by the frequency response and the norm of the continuous kernel: no
+    expansion in the window length is involved. The curve falls steeply at first and has its minimum where `tau` is a
+    root; beyond, waiting longer gains nothing at this degree.
+
+    Parameters
+    ----------
+    delays : array_like of float, one-dimensional
+        Time from the estimate to the newest sample, in the unit of `delta`; negative delays predict.
+    noise_level : float
+        Standard deviation of the noise in the samples.
+    deriv : int
+        Order of the derivative.
+    bandwidth, amplitude : float
+        Frequency of the sinusoid in cycles per unit of `delta` (Hz): the highest of interest; and its amplitude.
+    degree, kappa, mu, delta, fs
+        As in `Differentiator`.
+
+    Returns
+    -------
+    DelayTradeoff
+
+    Raises
+    ------
+    ValueError
+        A number is not positive or not finite, or an argument of the design is outside of what it may be.
+
+    Examples
+    --------
+    >>> import algdiff
+    >>> curve = algdiff.delay_tradeoff([0, 0.05, 0.1], 0.01, bandwidth=1, amplitude=1, degree=2, fs=1000)
+    >>> [round(error, 3) for error in curve.rmse.tolist()]
+    [0.247, 0.037, 0.041]
+    """
+    wish = _Wish(deriv, {"degree": degree, "kappa": kappa, "mu": mu, "delta": delta, "fs": fs})
+    flat, shape = arguments.points("delays", delays)
+    if len(shape) != 1 or not np.isfinite(flat).all():
+        raise ValueError(f"delays must be a one-dimensional array of finite numbers, got shape {shape}")
+    noise_level, amplitude = _positive("noise_level", noise_level), _positive("amplitude", amplitude)
+    signal = (noise_level, amplitude, _positive("bandwidth", bandwidth), wish.delta)
+    # On cells the newest end of the window lies half a sample after the newest sample.
+    ends = (flat + 0.5 * wish.delta).tolist()
+    best = _core.delay_tradeoff(ends, wish.deriv, wish.degree, wish.kappa, wish.mu, *signal)
+    rmse, durations = np.array(best, np.float64).reshape(-1, 2).T.copy()
+    lengths = np.maximum(np.floor(durations / wish.delta + 0.5), wish.degree + 1).astype(np.intp)
+    return DelayTradeoff(flat.copy(), rmse, lengths)
