@@ -101,20 +101,30 @@ def half_power(design: Design, step: float = 0.02) -> float:
     return low
 
 
-def kernel_integral(left: float, right: float, design: Design, weight_degree: int = 0) -> float:
-    """Return the integral of k(s) s^weight_degree over [left, right], which is cut at 1/2 if need be."""
-    if left < 0.5 < right:
-        return sum(kernel_integral(*part, design, weight_degree) for part in ((left, 0.5), (0.5, right)))
+def integral_from_end(length: float, design: Design, newest: bool, weight_degree: int = 0) -> float:
+    """Return the integral of k(s) s^weight_degree over the oldest or newest part of the window, length <= 1/2.
+
+    Gauss-Jacobi at the end, whose singularity it takes over, and where a large exponent makes the rest narrow, pieces.
+    """
     deriv, degree, kappa, mu, tau = design
     large = max(kappa, mu, 0.0)
-    count = 64 + degree + int(2 * large**0.5)
-    pieces = np.linspace(left, right, 2 + int(large / 10))
+    edges = length * np.linspace(0, 1, 2 + int(large / 10))
     total = 0.0
-    for start, stop in pairwise(pieces):
-        points, mass = reference.piece_rule(float(start), float(stop), count, kappa, mu)
+    for near, far in pairwise(edges.tolist()):
+        left, right = (1 - far, 1 - near) if newest else (near, far)
+        points, mass = reference.piece_rule(left, right, 64 + degree + int(2 * large**0.5), kappa, mu)
         values = reference.derivatives(deriv, degree, kappa, mu, tau) @ reference.orthonormal(kappa, mu, degree, points)
         total += float(values * points**weight_degree @ mass)
     return total
+
+
+def kernel_integral(left: float, right: float, design: Design) -> float:
+    """Return the integral of k over [left, right], as a difference of integrals from the nearest end."""
+    if left < 0.5 < right:
+        return kernel_integral(left, 0.5, design) + kernel_integral(0.5, right, design)
+    if right <= 0.5:
+        return integral_from_end(right, design, False) - (integral_from_end(left, design, False) if left > 0 else 0)
+    return integral_from_end(1 - left, design, True) - (integral_from_end(1 - right, design, True) if right < 1 else 0)
 
 
 def impulse_response(t: npt.ArrayLike, design: Design) -> Array:
@@ -162,7 +172,8 @@ def bias_bound(design: Design) -> float:
 def moment_delay(design: Design) -> float:
     """Return 1 minus the point whose derivative the estimate of s^(n+1) is: the delay of slow signals."""
     order = design[0] + 1
-    return 1 - kernel_integral(0.0, 1.0, design, order) / math.factorial(order)
+    moment = sum(integral_from_end(0.5, design, newest, order) for newest in (False, True))
+    return 1 - moment / math.factorial(order)
 
 
 def rmse(duration: float, noise: float, bound: float, delta: float, design: Design) -> float:
