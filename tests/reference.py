@@ -163,13 +163,26 @@ def log_base_weight(window_length: int, exponent: float) -> Array:
     return e * np.log(j + 1) + np.log(difference) - math.log(e) - exponent * math.log(window_length)
 
 
-def exact_weights(window_length: int, deriv: int, fit_degree: int, kappa: float, mu: float, tau: float) -> Array:
-    """Return the weights of the discrete weighted fit for T = 1, by QR of sqrt(W) V^T (theory section 8.1)."""
-    if window_length < fit_degree + 1:
-        raise ValueError(f"window_length={window_length} is too short for a fit of degree {fit_degree}")
-    log_w = log_base_weight(window_length, kappa) + log_base_weight(window_length, mu)[::-1]
+def exact_weights(
+    window_length: int,
+    deriv: int,
+    fit_degree: int,
+    kappa: float,
+    mu: float,
+    tau: float,
+    kept: slice | None = None,
+) -> Array:
+    """Return the weights of the discrete weighted fit for T = 1, by QR of sqrt(W) V^T (theory section 8.1).
+
+    The fit may be to the `kept` samples alone, as in a trimmed window: the samples stay where they are.
+    """
+    kept = slice(None) if kept is None else kept
+    j = np.arange(window_length)[kept]
+    if len(j) < fit_degree + 1:
+        raise ValueError(f"window_length={len(j)} is too short for a fit of degree {fit_degree}")
+    log_w = (log_base_weight(window_length, kappa) + log_base_weight(window_length, mu)[::-1])[kept]
     root_w = np.exp((log_w - log_w.max()) / 2)
-    basis = orthonormal(kappa, mu, fit_degree, (np.arange(window_length) + 0.5) / window_length)
+    basis = orthonormal(kappa, mu, fit_degree, (j + 0.5) / window_length)
     q, r = np.linalg.qr((root_w * basis).T)
     w: Array = root_w * (q @ np.linalg.solve(r.T, derivatives(deriv, fit_degree, kappa, mu, tau)))
     return w
