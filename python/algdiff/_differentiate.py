@@ -26,6 +26,7 @@ def differentiate(
     mode: str = "fit",
     cval: complex = 0.0,
     rule: str = "exact",
+    trim: float = 0.0,
     out: Samples | None = None,
     threads: int | None = None,
 ) -> Samples:
@@ -58,8 +59,10 @@ def differentiate(
         What happens at the ends; "fit" goes on to the last sample, "valid" gives the whole windows only.
     cval : float
         The value beyond the data in mode "constant".
-    rule : {"exact", "trapezoid"}
+    rule : {"exact", "trapezoid", "midpoint", "simpson", "cell", "hat"}
         How the continuous kernel becomes weights.
+    trim : float
+        Leave out at either end of the window what holds at most this share of the weights.
     out : ndarray, optional
         Where the result goes.
     threads : int, optional
@@ -85,7 +88,6 @@ def differentiate(
     >>> bool(np.allclose(acceleration, 6 * t))
     True
     """
-    design = Differentiator(
-        window_length, deriv, degree=degree, kappa=kappa, mu=mu, tau=tau, delay=delay, delta=delta, fs=fs, rule=rule
-    )
+    words = {"degree": degree, "kappa": kappa, "mu": mu, "tau": tau, "delay": delay, "delta": delta, "fs": fs}
+    design = Differentiator(window_length, deriv, **words, rule=rule, trim=trim)  # type: ignore[arg-type]
     return design(x, axis, mode=mode, cval=cval, out=out, threads=threads)

@@ -45,7 +45,7 @@ class Differentiator(Filter):
         Sampling step, positive; default 1.
     fs : float, optional
         Instead of `delta`: the sampling rate, ``1 / delta``.
-    rule : {"exact", "trapezoid"}
+    rule : {"exact", "trapezoid", "midpoint", "simpson", "cell", "hat"}
         How the continuous kernel becomes weights. "exact": the fit on the samples themselves, which lie at
         ``tau_j = (j + 1/2) / window_length``, with T = ``window_length * delta``. "trapezoid": the rule of the 2007
         paper, with samples at ``tau_j = j / (window_length - 1)``; it leaks offsets and is kept for reproduction. So
@@ -142,7 +142,7 @@ class Differentiator(Filter):
         if tau is not None and delay is not None:
             raise ValueError(f"give tau or delay, not both: got tau = {tau!r} and delay = {delay!r}")
         if not isinstance(rule, str):
-            raise TypeError(f"rule must be 'exact' or 'trapezoid', got {rule!r}")
+            raise TypeError(f"rule must be a word such as 'exact', got {rule!r}")
         self._set(
             {
                 "window_length": arguments.integer("window_length", window_length, 1),

@@ -39,8 +39,8 @@ def gradient(
     window_length : int, optional
         Number of samples in the window.
     **window
-        With a window, keywords of `differentiate`: `degree`, `kappa`, `mu`, `tau`, `delay`, `rule`, `mode`, `cval`,
-        `threads`.
+        With a window, keywords of `differentiate`: `degree`, `kappa`, `mu`, `tau`, `delay`, `rule`, `trim`, `mode`,
+        `cval`, `threads`.
 
     Returns
     -------
@@ -84,7 +84,7 @@ def gradient(
     return result[0] if len(result) == 1 else tuple(result)
 
 
-_DESIGN = {"degree", "kappa", "mu", "tau", "delay", "rule"}
+_DESIGN = {"degree", "kappa", "mu", "tau", "delay", "rule", "trim"}
 _CALL = {"mode", "cval", "threads"}
 
 

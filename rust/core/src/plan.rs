@@ -104,7 +104,7 @@ impl Plan {
             // By symmetry the middle gains its degree also where the window is too short for the larger fit.
             Rule::Exact if symmetric => Some(kernel.exactness()),
             Rule::Exact => Some(fit_degree),
-            _ => measured_exactness(&moments, &fit, &weights, control)?,
+            _ => measured_exactness(&kernel, |j| design.rule.grid().tau(j, design.window_length), kept.start, &weights),
         };
         weights.iter_mut().for_each(|w| *w *= unit);
         if !weights.iter().all(|w| w.is_finite()) {
@@ -379,14 +379,13 @@ fn make_symmetric(weights: &mut [f64], deriv: usize) {
     }
 }
 
-/// The degree up to which the moments are met to 1e-10 of the largest.
-fn measured_exactness(
-    moments: &[f64],
-    fit: &Fit,
-    weights: &[f64],
-    control: &impl Control,
-) -> Result<Option<usize>, Error> {
-    let scale = moments.iter().fold(0.0, |peak: f64, d| peak.max(d.abs()));
-    let missing = fit.missing_moments(moments, weights, control)?;
-    Ok(missing.iter().take_while(|r| r.abs() <= 1e-10 * scale).count().checked_sub(1))
+/// The degree, at most the kernel's own, up to which the moments are met to 1e-10 of the largest.
+fn measured_exactness(kernel: &Kernel, tau: impl Fn(f64) -> f64, first: usize, weights: &[f64]) -> Option<usize> {
+    let mut missing = kernel.moments(kernel.exactness());
+    let scale = missing.iter().fold(0.0, |peak: f64, d| peak.max(d.abs()));
+    let recurrence = kernel.family().recurrence(kernel.exactness());
+    for (j, weight) in (first..).zip(weights) {
+        missing.iter_mut().zip(recurrence.values(tau(j as f64))).for_each(|(rest, value)| *rest -= weight * value);
+    }
+    missing.iter().take_while(|rest| rest.abs() <= 1e-10 * scale).count().checked_sub(1)
 }

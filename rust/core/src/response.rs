@@ -279,3 +279,44 @@ pub(crate) fn bisect(mut low: f64, mut high: f64, beyond: impl Fn(f64) -> bool) 
         if beyond(middle) { high = middle } else { low = middle }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Unattended;
+    use crate::kernel::Tau;
+
+    #[test]
+    fn a_mean_has_the_response_of_a_mean() {
+        let kernel = Kernel::new(0, 0, 0.0, 0.0, Tau::Center, 1.0).expect("valid");
+        for omega in [1e-300_f64, 1e-3, 1.0, 31.0, 33.0, 1e3, 1e6] {
+            let expected = (0.5 * omega).sin() / (0.5 * omega);
+            let got = Response::new(&kernel, 1e6).at(omega, 0.5);
+            // In the stop band either end has the size 1 / omega, and its phase an error of eps times omega.
+            assert!((got - expected).norm() < 4e-16 * 8.0, "{omega} {got}");
+            assert_eq!(Response::new(&kernel, 1e6).at(-omega, 0.5), got.conj());
+        }
+        assert!((kernel.half_power(&Unattended).expect("runs").expect("exists") - 2.783_114_756_503_022).abs() < 1e-14);
+    }
+
+    #[test]
+    fn both_ways_agree_where_they_meet() {
+        for (deriv, degree, kappa, mu, tau) in [
+            (0, 2, 0.0, 0.0, 0.5),
+            (1, 2, 0.5, -0.5, 0.9),
+            (2, 4, 1.0, 3.5, 0.3),
+            (3, 4, 0.0, 2.0, 1.0),
+            (1, 12, 4.0, 4.0, 0.7),
+        ] {
+            let kernel = Kernel::new(deriv, degree, kappa, mu, Tau::At(tau), 1.0).expect("valid");
+            let response = Response::new(&kernel, 1e4);
+            let plain = Response::on_nodes(&kernel, 4.0 * response.switch);
+            for factor in [1.0, 1.7, 4.0] {
+                let omega = factor * response.switch;
+                let ((bent, size), straight) = (response.ends.at(omega, tau), plain.at(omega, tau));
+                let allowed = 1e-14 * (size + plain.size(omega));
+                assert!((bent - straight).norm() < allowed, "{deriv} {degree} {omega}: {bent} {straight}");
+            }
+        }
+    }
+}

@@ -99,38 +99,43 @@ pub(crate) fn functionals(
         columns.push(try_vec(kept.len(), 0.0)?);
     }
     let recurrence = family.recurrence(degree);
-    let mut add = |sample: usize, values: &[f64], mass: f64| {
+    let mut add = |sample: usize, s: f64, mass: f64| {
         if kept.contains(&sample) {
-            columns.iter_mut().zip(values).for_each(|(column, value)| column[sample - kept.start] += mass * value);
+            let row = columns.iter_mut().zip(recurrence.values(s));
+            row.for_each(|(column, value)| column[sample - kept.start] += mass * value);
         }
     };
-    let share = |j: usize| match rule {
-        Rule::Trapezoid if j == 0 || j == window_length - 1 => 0.5,
-        Rule::Simpson if j == 0 || j == window_length - 1 => 1.0 / 3.0,
-        Rule::Simpson if j % 2 == 1 => 4.0 / 3.0,
-        Rule::Simpson => 2.0 / 3.0,
-        _ => 1.0,
-    };
-    let pieces = Pieces::new(family, degree, if rule == Rule::Hat { window_length - 1 } else { window_length });
-    let steps = rule.grid().steps(window_length);
-    for j in kept.start.saturating_sub(1)..kept.end {
-        if j % 4096 == 4095 && !control.proceed(0.0) {
-            return Err(Error::Interrupted);
+    let proceed = |j: usize| if j % 4096 != 4095 || control.proceed(0.0) { Ok(()) } else { Err(Error::Interrupted) };
+    if let Rule::Cell | Rule::Hat = rule {
+        let cells = window_length - usize::from(rule == Rule::Hat);
+        let pieces = Pieces::new(family, degree, cells);
+        // The piecewise linear function of a node reaches into the cell before it.
+        for cell in kept.start.saturating_sub(1)..kept.end.min(cells) {
+            proceed(cell)?;
+            pieces.visit(cell, |point| {
+                if rule == Rule::Cell {
+                    add(cell, point.s, point.mass);
+                } else {
+                    add(cell, point.s, point.mass * (1.0 - point.place));
+                    add(cell + 1, point.s, point.mass * point.place);
+                }
+            });
         }
-        match rule {
-            Rule::Cell => pieces.visit(j, |point| add(j, &recurrence.values(point.s), point.mass)),
-            Rule::Hat if j + 1 < window_length => pieces.visit(j, |point| {
-                let values = recurrence.values(point.s);
-                add(j, &values, point.mass * (1.0 - point.place));
-                add(j + 1, &values, point.mass * point.place);
-            }),
-            Rule::Hat => {}
-            _ => {
-                let shift = if rule.grid() == Grid::Cells { 0.5 } else { 0.0 };
-                let (s, rest) = ((j as f64 + shift) / steps, ((window_length - 1 - j) as f64 + shift) / steps);
-                add(j, &recurrence.values(s), share(j) / steps * family.ln_density(s, rest).exp());
-            }
-        }
+        return Ok(columns);
+    }
+    let (last, steps) = (window_length - 1, rule.grid().steps(window_length));
+    let shift = if rule.grid() == Grid::Cells { 0.5 } else { 0.0 };
+    for j in kept.clone() {
+        proceed(j)?;
+        let share = match rule {
+            Rule::Trapezoid if j == 0 || j == last => 0.5,
+            Rule::Simpson if j == 0 || j == last => 1.0 / 3.0,
+            Rule::Simpson if j % 2 == 1 => 4.0 / 3.0,
+            Rule::Simpson => 2.0 / 3.0,
+            _ => 1.0,
+        };
+        let (s, rest) = ((j as f64 + shift) / steps, ((last - j) as f64 + shift) / steps);
+        add(j, s, share / steps * family.ln_density(s, rest).exp());
     }
     Ok(columns)
 }
