@@ -7,8 +7,9 @@ use nalgebra::Complex;
 
 use crate::control::Control;
 use crate::error::Error;
-use crate::plan::{Plan, Rule};
+use crate::plan::Plan;
 use crate::response::{Response, bisect};
+use crate::rule::Rule;
 
 /// At most this many frequencies in an integral over frequencies.
 const MAX_FREQUENCIES: f64 = 8192.0;

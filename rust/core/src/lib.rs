@@ -9,6 +9,7 @@
 //! * [`fit`]: the same fit on the samples of one window;
 //! * [`analysis`], [`response`]: its behaviour in time and frequency, by the rules of [`quadrature`];
 //! * [`rule`]: the classical ways from a kernel to weights;
+//! * [`design`]: what the user asks for;
 //! * [`plan`]: everything decided before the first sample;
 //! * [`filter`]: what the weights of a plan do to signals;
 //! * [`engine`]: how the weights of a plan meet the data;
@@ -16,7 +17,7 @@
 //! * [`run`]: arrays, threads and stopping on request.
 //!
 //! ```
-//! use algdiff_core::{kernel::Tau, plan::{Design, Place, Plan, Rule}, control::Unattended, run::{Alignment, Job, Layout, Mode}};
+//! use algdiff_core::{kernel::Tau, design::{Design, Place}, plan::Plan, rule::Rule, control::Unattended, run::{Alignment, Job, Layout, Mode}};
 //!
 //! let design = Design { window_length: 5, deriv: 1, degree: 2, kappa: 0.0, mu: 0.0, place: Place::Tau(Tau::Center), delta: 0.1, rule: Rule::Exact, trim: 0.0 };
 //! let plan = Plan::new(&design, &Unattended)?;
@@ -29,6 +30,7 @@
 
 pub mod analysis;
 pub mod control;
+pub mod design;
 pub mod ends;
 pub mod engine;
 pub mod error;

@@ -5,10 +5,11 @@ use std::sync::Mutex;
 
 use algdiff_core::analysis::{Conditions, Tradeoff};
 use algdiff_core::control::Control;
+use algdiff_core::design::{Design, Place};
 use algdiff_core::engine::Sample;
 use algdiff_core::error::Error;
 use algdiff_core::kernel::{Kernel as CoreKernel, Tau};
-use algdiff_core::plan::{Design, Place, Plan as CorePlan};
+use algdiff_core::plan::Plan as CorePlan;
 use algdiff_core::rule::RULES;
 use algdiff_core::run::{Alignment, Job, Layout, Mode};
 use numpy::{Complex64, Element, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray1};
