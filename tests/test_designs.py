@@ -31,6 +31,8 @@ DESIGNS: list[tuple[int, int, dict[str, Any]]] = [
     (31, 1, {"rule": "cell", "degree": 2, "tau": "root"}),
     (31, 0, {"rule": "simpson", "degree": 2, "kappa": 3, "mu": 2}),
     (30, 1, {"rule": "midpoint", "degree": 1, "kappa": 2, "mu": 2}),
+    (31, 1, {"rule": "hat", "tau": 0.4}),
+    (20, 0, {"rule": "cell", "kappa": 2, "mu": 2}),
 ]
 IDS = [f"L{length}-n{deriv}-{'-'.join(map(str, options.values()))}" for length, deriv, options in DESIGNS]
 on_all_designs = pytest.mark.parametrize("ours", [design(length, n, **o) for length, n, o in DESIGNS], ids=IDS)
@@ -178,9 +180,10 @@ def smooth_signal(rng: np.random.Generator, scale: float) -> Callable[[Array, in
 
 @on_all_designs
 def test_smooth_signals_stay_within_the_bias_bound(ours: algdiff.Differentiator) -> None:
-    if ours.bias_order < 0:
+    if ours.bias_order < 0:  # a derivative below `deriv` leaks, and that one bounds nothing
         assert ours.bias_bound == math.inf
         return
+    assert math.isfinite(ours.bias_bound)  # x^(n) in the mean over the window, and at the estimate
     rng = np.random.default_rng(5)
     t = times(ours)
     hull = np.linspace(min(t[0], 0), max(t[-1], 0), 3001)
@@ -254,8 +257,8 @@ def test_the_exact_rule_is_nearer_than_the_trapezoid_where_that_leaks() -> None:
     for steps, tau in itertools.product([12, 60], ["root", 1.0]):
         cells = design(steps, degree=2, kappa=0, mu=0, tau=tau)
         nodes = design(steps + 1, degree=2, kappa=0, mu=0, tau=tau, rule="trapezoid")
-        f = 2 * cells.cutoff
-        assert cells.discretisation_error(f) < 0.2 * nodes.discretisation_error(f)
+        assert cells.discretisation_error(cells.cutoff) < 0.5 * nodes.discretisation_error(cells.cutoff)
+        assert cells.discretisation_error(0.3 * cells.cutoff) < 0.01 * nodes.discretisation_error(0.3 * cells.cutoff)
 
 
 # windows by what they shall do
