@@ -2,14 +2,16 @@
 
 It is written from the theory alone, so that it can disagree with the library. It loops where the library is clever and
 checks little. Conventions: the window is tau in [0, 1], 0 oldest and 1 newest; the weight is tau^kappa (1-tau)^mu;
-a = kappa + deriv, b = mu + deriv and q = degree - deriv as in theory section 0; `rule` "exact" lives on the cells grid
-tau_j = (j + 1/2)/L with T = L delta, `rule` "trapezoid" on the nodes grid tau_j = j/(L - 1) with T = (L - 1) delta.
+a = kappa + deriv, b = mu + deriv and q = degree - deriv as in theory section 0; the rules "exact", "midpoint" and
+"cell" live on the cells grid tau_j = (j + 1/2)/L with T = L delta, the rules "trapezoid", "simpson" and "hat" on the
+nodes grid tau_j = j/(L - 1) with T = (L - 1) delta. What estimates do to signals is in `reference_analysis.py`.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +20,7 @@ Array = npt.NDArray[np.float64]
 
 ROOT_TOLERANCE = 1e-12  # closer than this to a root, tau is that root
 SAMPLE_TOLERANCE = 1e-9  # closer than this to a whole sample (relative to its index), tau lies on that sample
+CELLS, NODES = ("exact", "midpoint", "cell"), ("trapezoid", "simpson", "hat")  # the rules by their grid
 PAD_MODES = {"nearest": "edge", "mirror": "reflect", "wrap": "wrap", "constant": "constant"}  # name here: in np.pad
 
 
@@ -85,12 +88,24 @@ def roots(deriv: int, degree: int, kappa: float, mu: float) -> Array:
     return tau
 
 
+@cache
+def gauss_rule(count: int, alpha: float, beta: float) -> tuple[Array, Array]:
+    """Return nodes and weights on [0, 1], the weights summing to 1, for the density rho of theory section 0.
+
+    The nodes are the roots of p_count^[alpha,beta]; the weights are 1 / sum_m p_m(node)^2.
+    """
+    nodes = roots(0, count - 1, alpha, beta)
+    gauss = 1 / np.sum(orthonormal(alpha, beta, count - 1, nodes) ** 2, axis=0)
+    nodes.flags.writeable = gauss.flags.writeable = False  # shared by all who ask for this rule
+    return nodes, gauss
+
+
 def resolve_tau(
     window_length: int | None, deriv: int, degree: int, kappa: float, mu: float, tau: float | str, rule: str = "exact"
 ) -> tuple[float, bool]:
     """Return tau as a number and whether it is a root (theory sections 5 and 7); no window length: continuous."""
     zeros = roots(deriv, degree, kappa, mu)
-    newest = 1 - 0.5 / window_length if window_length is not None and rule == "exact" else 1.0
+    newest = 1 - 0.5 / window_length if window_length is not None and rule in CELLS else 1.0
     words = {"center": 0.5, "root": float(zeros[-1]), "newest": newest}
     value = words[tau] if isinstance(tau, str) else float(tau)
     nearest = float(zeros[np.argmin(np.abs(zeros - value))])
@@ -131,8 +146,7 @@ def norm2(deriv: int, degree: int, kappa: float, mu: float, tau: float | str) ->
     if min(kappa, mu) <= -0.5:
         return math.inf
     value, _ = resolve_tau(None, deriv, degree, kappa, mu, tau)
-    nodes = roots(0, degree, 2 * kappa, 2 * mu)
-    gauss = 1 / np.sum(orthonormal(2 * kappa, 2 * mu, degree, nodes) ** 2, axis=0)  # for the normalised weight
+    nodes, gauss = gauss_rule(degree + 1, 2 * kappa, 2 * mu)
     mass = math.exp(log_beta(2 * kappa + 1, 2 * mu + 1) - 2 * log_beta(kappa + 1, mu + 1))
     polynomial = derivatives(deriv, degree, kappa, mu, value) @ orthonormal(kappa, mu, degree, nodes)
     return float(mass * np.sum(gauss * polynomial**2))
@@ -149,25 +163,104 @@ def log_base_weight(window_length: int, exponent: float) -> Array:
     return e * np.log(j + 1) + np.log(difference) - math.log(e) - exponent * math.log(window_length)
 
 
-def exact_weights(window_length: int, deriv: int, fit_degree: int, kappa: float, mu: float, tau: float) -> Array:
-    """Return the weights of the discrete weighted fit for T = 1, by QR of sqrt(W) V^T (theory section 8.1)."""
-    if window_length < fit_degree + 1:
-        raise ValueError(f"window_length={window_length} is too short for a fit of degree {fit_degree}")
-    log_w = log_base_weight(window_length, kappa) + log_base_weight(window_length, mu)[::-1]
+def exact_weights(
+    window_length: int,
+    deriv: int,
+    fit_degree: int,
+    kappa: float,
+    mu: float,
+    tau: float,
+    kept: slice | None = None,
+) -> Array:
+    """Return the weights of the discrete weighted fit for T = 1, by QR of sqrt(W) V^T (theory section 8.1).
+
+    The fit may be to the `kept` samples alone, as in a trimmed window: the samples stay where they are.
+    """
+    kept = slice(None) if kept is None else kept
+    j = np.arange(window_length)[kept]
+    if len(j) < fit_degree + 1:
+        raise ValueError(f"window_length={len(j)} is too short for a fit of degree {fit_degree}")
+    log_w = (log_base_weight(window_length, kappa) + log_base_weight(window_length, mu)[::-1])[kept]
     root_w = np.exp((log_w - log_w.max()) / 2)
-    basis = orthonormal(kappa, mu, fit_degree, (np.arange(window_length) + 0.5) / window_length)
+    basis = orthonormal(kappa, mu, fit_degree, (j + 0.5) / window_length)
     q, r = np.linalg.qr((root_w * basis).T)
     w: Array = root_w * (q @ np.linalg.solve(r.T, derivatives(deriv, fit_degree, kappa, mu, tau)))
     return w
 
 
-def trapezoid_weights(window_length: int, deriv: int, degree: int, kappa: float, mu: float, tau: float) -> Array:
-    """Return k(tau_j)/(L-1), half at both ends: the paper's rule on the nodes grid for T = 1 (theory section 8)."""
-    if window_length < 2 or min(kappa, mu) < 0:
-        raise ValueError("the trapezoid rule needs two samples, and kappa, mu >= 0 for finite end weights")
-    w = kernel(np.arange(window_length) / (window_length - 1), deriv, degree, kappa, mu, tau) / (window_length - 1)
-    w[[0, -1]] /= 2
+def node_weights(window_length: int, design: tuple[int, int, float, float, float], factors: Array, rule: str) -> Array:
+    """Return k(tau_j) on the nodes times the factors of a closed quadrature rule, for T = 1 (theory section 8)."""
+    if window_length < 2 or min(design[2:4]) < 0:
+        raise ValueError(f"the {rule} rule needs two samples, and kappa, mu >= 0 for finite end weights")
+    return kernel(np.arange(window_length) / (window_length - 1), *design) * factors / (window_length - 1)
+
+
+def trapezoid_factors(window_length: int) -> Array:
+    """Return 1/2, 1, 1, ..., 1, 1/2: the paper's rule (theory section 8)."""
+    factors = np.ones(window_length)
+    factors[[0, -1]] = 0.5
+    return factors
+
+
+def simpson_factors(window_length: int) -> Array:
+    """Return 1/3, 4/3, 2/3, ..., 4/3, 1/3 for an odd number of nodes (theory section 8)."""
+    if window_length % 2 == 0 or window_length < 3:
+        raise ValueError(f"the simpson rule needs an odd window of at least 3, got {window_length}")
+    factors = np.where(np.arange(window_length) % 2 == 1, 4 / 3, 2 / 3)
+    factors[[0, -1]] = 1 / 3
+    return factors
+
+
+def piece_rule(left: float, right: float, count: int, kappa: float, mu: float) -> tuple[Array, Array]:
+    """Return points and weights that integrate rho(s) f(s) over [left, right], f smooth (theory section 8).
+
+    Gauss-Jacobi takes over the end of [0, 1] that the piece touches, so that a singular end costs nothing; the rest of
+    rho is evaluated at the points.
+    """
+    at_old, at_new = left == 0, right == 1
+    u, gauss = gauss_rule(count, kappa if at_old else 0.0, mu if at_new else 0.0)
+    width = right - left
+    points = left + width * u
+    to_new = (1 - right) + width * (1 - u)
+    log_rho = -log_beta(kappa + 1, mu + 1) * np.ones(count)
+    log_rho += kappa * math.log(width) if at_old else kappa * np.log(points)
+    log_rho += mu * math.log(width) if at_new else mu * np.log(to_new)
+    mass = log_beta(1 + (kappa if at_old else 0.0), 1 + (mu if at_new else 0.0))
+    return points, gauss * np.exp(log_rho + mass) * width
+
+
+def cell_weights(window_length: int, deriv: int, degree: int, kappa: float, mu: float, tau: float) -> Array:
+    """Return the integral of k over each cell, as for piecewise constant samples, for T = 1 (theory section 8)."""
+    d, count = derivatives(deriv, degree, kappa, mu, tau), quadrature_count(degree, kappa, mu)
+    w = np.empty(window_length)
+    for j in range(window_length):
+        points, mass = piece_rule(j / window_length, (j + 1) / window_length, count, kappa, mu)
+        w[j] = (d @ orthonormal(kappa, mu, degree, points)) @ mass
     return w
+
+
+def hat_weights(window_length: int, deriv: int, degree: int, kappa: float, mu: float, tau: float) -> Array:
+    """Return the integral of k times each hat, as for piecewise linear samples, for T = 1 (theory section 8)."""
+    if window_length < 2:
+        raise ValueError(f"the hat rule needs two samples, got {window_length}")
+    d, count, pieces = (
+        derivatives(deriv, degree, kappa, mu, tau),
+        quadrature_count(degree, kappa, mu),
+        window_length - 1,
+    )
+    w = np.zeros(window_length)
+    for j in range(pieces):
+        points, mass = piece_rule(j / pieces, (j + 1) / pieces, count, kappa, mu)
+        values = (d @ orthonormal(kappa, mu, degree, points)) * mass
+        rising = points * pieces - j
+        w[j] += (1 - rising) @ values
+        w[j + 1] += rising @ values
+    return w
+
+
+def quadrature_count(degree: int, kappa: float, mu: float) -> int:
+    """Return enough Gauss points for one piece: for the polynomial, and for a density as narrow as large exponents."""
+    return 32 + degree + int(max(kappa, mu) / 2)
 
 
 def weights(
@@ -184,21 +277,31 @@ def weights(
     """Return the weights, oldest first, unit 1/delta^deriv: theory section 8 divided by T^n.
 
     The exact rule fits degree N, and N+1 at a root if the window holds enough samples, unless `fit_degree` says
-    otherwise; the trapezoid fits nothing.
+    otherwise; the other rules fit nothing.
     """
     value, is_root = resolve_tau(window_length, deriv, degree, kappa, mu, tau, rule)
-    if rule == "trapezoid":
+    design = (deriv, degree, kappa, mu, value)
+    if rule in NODES:
         duration = (window_length - 1) * delta
-        return trapezoid_weights(window_length, deriv, degree, kappa, mu, value) / duration**deriv
+        if rule == "hat":
+            return hat_weights(window_length, *design) / duration**deriv
+        factors = trapezoid_factors if rule == "trapezoid" else simpson_factors
+        return node_weights(window_length, design, factors(window_length), rule) / duration**deriv
+    duration = window_length * delta
+    if rule == "midpoint":
+        centers = (np.arange(window_length) + 0.5) / window_length
+        return kernel(centers, *design) / window_length / duration**deriv
+    if rule == "cell":
+        return cell_weights(window_length, *design) / duration**deriv
     if rule != "exact":
-        raise ValueError(f"rule={rule!r}; allowed: 'exact', 'trapezoid'")
+        raise ValueError(f"rule={rule!r}; allowed: {', '.join(map(repr, CELLS + NODES))}")
     used = min(degree + int(is_root), max(degree, window_length - 1)) if fit_degree is None else fit_degree
-    return exact_weights(window_length, deriv, used, kappa, mu, value) / (window_length * delta) ** deriv
+    return exact_weights(window_length, deriv, used, kappa, mu, value) / duration**deriv
 
 
 def delay_samples(window_length: int, tau: float, rule: str = "exact") -> float:
     """Return how many samples the estimate lies behind the newest one (theory section 7)."""
-    return (1 - tau) * window_length - 0.5 if rule == "exact" else (1 - tau) * (window_length - 1)
+    return (1 - tau) * window_length - 0.5 if rule in CELLS else (1 - tau) * (window_length - 1)
 
 
 @dataclass(frozen=True)
@@ -221,7 +324,7 @@ class Window:
 
     def weights_at(self, sample: int, fit_degree: int | None = None) -> Array:
         """Return the weights at tau_j of a sample, inside the window or not: a fit of degree N (theory section 8.1)."""
-        tau = (sample + 0.5) / self.length if self.rule == "exact" else sample / (self.length - 1)
+        tau = (sample + 0.5) / self.length if self.rule in CELLS else sample / (self.length - 1)
         return self.weights(tau, self.degree if fit_degree is None else fit_degree)
 
     def interior(self) -> tuple[int, Array]:
@@ -231,7 +334,7 @@ class Window:
         """
         design = (self.length, self.deriv, self.degree, self.kappa, self.mu)
         tau, is_root = resolve_tau(*design, self.tau, self.rule)
-        p = tau * self.length - 0.5 if self.rule == "exact" else tau * (self.length - 1)
+        p = tau * self.length - 0.5 if self.rule in CELLS else tau * (self.length - 1)
         if abs(p - round(p)) <= SAMPLE_TOLERANCE * max(1.0, abs(p)):
             return round(p), self.weights(self.tau)
         nearest = math.floor(p + 0.5 + SAMPLE_TOLERANCE * max(1.0, abs(p)))  # rounding must not decide between two

@@ -68,3 +68,13 @@ def difference_bound(weights: Array, x: npt.ArrayLike, eps: float = EPS) -> floa
     cumulative = float(np.abs(np.cumsum(weights)).max())
     length, steps = len(weights), np.abs(np.diff(np.asarray(x, float)))
     return (length + 8) * eps * length * cumulative * float(steps.max(initial=0.0))
+
+
+def kernel_rule(kernel: algdiff.Kernel, count: int = 60) -> tuple[Array, Array]:
+    """Return points and weights for the integral of the kernel times a smooth signal, by `count` values of the kernel.
+
+    Gauss-Jacobi for the density, which the kernel is divided by: its polynomial factor and the signal remain.
+    """
+    points, gauss = reference.gauss_rule(count, kernel.kappa, kernel.mu)
+    log_density = kernel.kappa * np.log(points) + kernel.mu * np.log1p(-points)
+    return points, gauss * kernel(points) * np.exp(reference.log_beta(kernel.kappa + 1, kernel.mu + 1) - log_density)

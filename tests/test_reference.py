@@ -1,7 +1,6 @@
 """The naive twin `reference.py` against 60-digit golden values, exact polynomials and SciPy.
 
-Golden tolerances are those of golden/README.md. The golden weights of the rules midpoint, simpson, hat and cell belong
-to later work: they are filtered out when the file is read. Every other bound is derived where it stands, in units of
+Golden tolerances are those of golden/README.md. Every other bound is derived where it stands, in units of
 EPS = 2^-52, from two facts (Higham, Accuracy and Stability of Numerical Algorithms, sections 3.1 and 19.3):
 a dot product of L terms errs by at most L EPS sum|w| max|x|, and Householder QR of an L by E+1 matrix is exact for a
 matrix L (E+1) EPS away, which spoils the polynomials that the weights reproduce by as much times sum|w| max|x|.
@@ -20,7 +19,7 @@ from support import EPS, Array, Case, case_id, golden
 
 KERNELS = golden("kernels.json")
 ROOTS = golden("roots.json")
-DISCRETE = [case for case in golden("discrete.json") if case["method"] in ("exact", "trapezoid")]
+DISCRETE = golden("discrete.json")
 SAVGOL = golden("savgol.json")
 
 
@@ -43,7 +42,7 @@ def polynomial(degree: int, deriv: int, t: Array) -> Array:
 
 
 def test_golden_files_are_complete() -> None:
-    assert (len(KERNELS), len(ROOTS), len(DISCRETE), len(SAVGOL)) == (65, 80, 41, 6)
+    assert (len(KERNELS), len(ROOTS), len(DISCRETE), len(SAVGOL)) == (65, 80, 86, 6)
 
 
 @pytest.mark.parametrize("case", KERNELS, ids=case_id)
@@ -87,7 +86,7 @@ def test_roots_match_golden(case: Case) -> None:
 @pytest.mark.parametrize("case", DISCRETE, ids=case_id)
 def test_weights_match_golden(case: Case) -> None:
     rule, length = case["method"], case["L"]
-    step = 1 / length if rule == "exact" else 1 / (length - 1)  # a window of duration 1
+    step = 1 / length if rule in reference.CELLS else 1 / (length - 1)  # a window of duration 1
     w = reference.weights(length, *kernel_parameters(case), rule, step)
     expected = np.array(case["w"])
     assert np.max(np.abs(w - expected)) <= 1e-12 * np.max(np.abs(expected))
