@@ -110,7 +110,7 @@ impl Plan {
     pub fn bias_bound(&self) -> f64 {
         let order = self.exactness().map_or(0, |exactness| exactness + 1);
         let deriv = self.design().deriv;
-        if order <= deriv {
+        if order < deriv {
             return f64::INFINITY;
         }
         let (position, delta) = (self.position(), self.design().delta);
@@ -121,6 +121,10 @@ impl Plan {
             .enumerate()
             .map(|(j, w)| w.abs() * over_factorial((j as f64 - position).abs() * delta, order))
             .sum::<f64>();
+        if order == deriv {
+            // The mean of the derivative itself is wrong, and the bound has to cover both.
+            return taylor + 1.0;
+        }
         if self.design().rule != Rule::Exact || self.fit_degree() + 1 != order {
             return taylor;
         }
