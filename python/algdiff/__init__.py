@@ -20,6 +20,7 @@ from algdiff._differentiate import differentiate
 from algdiff._differentiator import Differentiator
 from algdiff._gradient import gradient
 from algdiff._kernel import Asymptotes, Kernel
+from algdiff._plot import plot_design, plot_kernel, plot_response
 from algdiff._savgol import savgol_coeffs, savgol_filter
 from algdiff._warnings import DesignWarning
 
@@ -37,6 +38,9 @@ __all__ = [
     "differentiate",
     "gradient",
     "optimal_window",
+    "plot_design",
+    "plot_kernel",
+    "plot_response",
     "savgol_coeffs",
     "savgol_filter",
 ]
