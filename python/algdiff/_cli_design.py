@@ -72,6 +72,8 @@ def _check_arguments(options: argparse.Namespace) -> str:
     form = "" if options.plot is None else options.plot.suffix.lower()
     if options.plot is not None and form not in PICTURES:
         raise UsageError(f"--plot must be a .png, .pdf or .svg FILE, got {options.plot}")
+    if None not in (options.for_delay, options.delay):
+        raise UsageError(f"--delay cannot be given with --for-delay, got {options.delay} and {options.for_delay}")
     if options.name is not None and options.c is None:
         raise UsageError(f"--name is for --c, got --name {options.name} alone")
     if None not in (options.plot, options.c) and os.path.realpath(options.plot) == os.path.realpath(options.c):
