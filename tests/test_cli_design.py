@@ -6,6 +6,7 @@ import errno
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 from argparse import ArgumentTypeError
@@ -97,6 +98,13 @@ def test_json_and_table_are_the_summary_of_the_design(
     for line in table.splitlines():
         assert line[36:] == _report.unit(line[:22].strip(), expected)
     assert not os.listdir()
+
+
+def test_the_documented_table_is_what_the_command_prints(capsys: pytest.CaptureFixture[str]) -> None:
+    page = (Path(__file__).parents[1] / "docs" / "design.md").read_text(encoding="utf-8")
+    (command,) = re.findall(r"```sh\nalgdiff design (.*)\n```", page)
+    (table,) = re.findall(r"```text\n(.*?)```", page, re.DOTALL)
+    assert printed(capsys, *command.partition(" --plot")[0].split()) == table
 
 
 def test_the_summary_is_what_the_attributes_say() -> None:

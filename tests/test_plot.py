@@ -93,7 +93,7 @@ def test_the_response_is_that_of_the_weights(each: algdiff.Differentiator) -> No
         rtol=1e-13,
     )
     bounds = each.asymptotes(frequency)
-    beyond, upper = with_label(ax, "upper bound").get_data()
+    beyond, upper = with_label(ax, "upper asymptote").get_data()
     np.testing.assert_array_equal(upper, bounds.upper[np.isin(frequency, beyond)])
     assert beyond.min() > each.cutoff if each.cutoff is not None and beyond.size else True
     for name, value in (("cutoff", each.cutoff), ("-3 dB", each.half_power), ("Nyquist", nyquist)):

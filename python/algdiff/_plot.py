@@ -83,8 +83,8 @@ def plot_response(design: Differentiator, ax: Axes | None = None) -> Axes:
     -------
     Axes
         Logarithmic in both directions, with the lines "weights" and "kernel" (amplitudes of the responses), "ideal
-        derivative", "low-pass model" and "upper bound" (`Differentiator.asymptotes`), and upright ones at the cutoff,
-        the -3 dB point and the Nyquist frequency.
+        derivative", "low-pass model" and "upper asymptote" (`Differentiator.asymptotes`), and upright ones at the
+        cutoff, the -3 dB point and the Nyquist frequency.
 
     Raises
     ------
@@ -222,7 +222,9 @@ def _draw_amplitudes(ax: Axes, design: Differentiator, frequency: NDArray[np.flo
     if cutoff is not None:
         ax.loglog(frequency, bounds.low_pass, color="C2", linewidth=1.2, label="low-pass model")
     beyond = frequency > (0 if cutoff is None else cutoff)
-    ax.loglog(frequency[beyond], bounds.upper[beyond], color="C2", linestyle=":", linewidth=1.2, label="upper bound")
+    ax.loglog(
+        frequency[beyond], bounds.upper[beyond], color="C2", linestyle=":", linewidth=1.2, label="upper asymptote"
+    )
     top = float(amplitude.max())
     floor = min(0.3 * ideal[0], 0.3 * amplitude[0], 0.01 * np.nan_to_num(bounds.upper[-1], posinf=top))
     ax.set_ylim(max(FLOOR * top, float(floor)), 4 * top)
