@@ -24,6 +24,8 @@ DESIGNS = [
     design(30, 1, kappa=-0.7, mu=-0.2, tau=1.4, delta=1e-4),
     design(1000, 1, kappa=10, mu=10, fs=1e6),
     design(1, 0, degree=0),
+    design(51, 1, delta=1e-120),
+    design(101, 1, kappa=1e4, mu=1e4),
 ]
 KERNELS = [algdiff.Kernel(1), algdiff.Kernel(2, 4, 0, 2, "root"), algdiff.Kernel(1, 1, -0.5, -0.5, "newest")]
 
@@ -105,7 +107,7 @@ def test_the_response_is_that_of_the_weights(each: algdiff.Differentiator) -> No
     left, right = ax.get_xlim()
     assert left < frequency[-1] < right
     bottom, top = ax.get_ylim()
-    assert bottom < amplitude.max() < top
+    assert 0 < bottom < amplitude.max() < top
 
 
 def test_what_a_kernel_without_a_cutoff_lacks_is_not_drawn() -> None:
@@ -117,6 +119,13 @@ def test_what_a_kernel_without_a_cutoff_lacks_is_not_drawn() -> None:
     assert "weights" in labels
     assert "low-pass model" not in labels
     assert not any(label.startswith("cutoff") for label in labels)
+
+
+def test_weights_that_are_all_zero_can_be_drawn() -> None:
+    each = design(2, 0, degree=0, rule="trapezoid")
+    assert not each.weights.any()
+    ax = algdiff.plot_response(each, figures.Figure().subplots())
+    assert not with_label(ax, "weights").get_ydata().any()
 
 
 @pytest.mark.parametrize("each", DESIGNS, ids=repr)

@@ -193,7 +193,7 @@ def _draw_kernel(ax: Axes, points: NDArray[np.float64], kernel: Kernel) -> None:
 
 
 def _draw_weights(ax: Axes, points: NDArray[np.float64], design: Differentiator) -> None:
-    share = design.delta / design.duration ** (design.deriv + 1)
+    share = design.delta / design.duration / design.duration**design.deriv
     times = (points - design.tau) * design.duration - design.delay
     ax.plot(times, _finite(share * design.kernel(points)), color="C1", linewidth=1, label="kernel")
     count = design.weights.size
@@ -225,7 +225,7 @@ def _draw_amplitudes(ax: Axes, design: Differentiator, frequency: NDArray[np.flo
     ax.loglog(
         frequency[beyond], bounds.upper[beyond], color="C2", linestyle=":", linewidth=1.2, label="upper asymptote"
     )
-    top = float(amplitude.max())
+    top = float(amplitude.max() or ideal.max())
     floor = min(0.3 * ideal[0], 0.3 * amplitude[0], 0.01 * np.nan_to_num(bounds.upper[-1], posinf=top))
     ax.set_ylim(max(FLOOR * top, float(floor)), 4 * top)
 
