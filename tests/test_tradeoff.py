@@ -45,7 +45,7 @@ def test_the_error_is_what_a_simulation_finds() -> None:
     times = t[best.window_length - 1 :] - best.delay
     found = float(np.sqrt(np.mean((estimate - 2 * np.pi * SIGNAL["amplitude"] * np.cos(2 * np.pi * times)) ** 2)))
     # 2e5 estimates from windows of some 100 samples: 2000 independent ones give the mean square to 3 %, its root to
-    half # of that.
+    # half of that.
     assert found == pytest.approx(curve.rmse[0], rel=0.05)
 
 
