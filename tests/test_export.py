@@ -198,6 +198,13 @@ def test_a_negative_delay_is_safe_in_an_expression() -> None:
     assert "#define D_DELAY (-0.5)\n" in design(13, delay=-0.5).to_c("d")
 
 
+def test_a_noise_gain_that_overflows_is_a_number_of_c() -> None:
+    each = design(51, delta=1e-170)
+    with np.errstate(over="ignore"):
+        assert "#define D_NOISE_GAIN HUGE_VAL /* of math.h */\n" in each.to_c("d")
+        assert each.summary()["noise_gain"] is None
+
+
 @pytest.mark.parametrize(
     "name", ["", "2d", "_d", "a-b", "a b", "a\n", "a*/", "é", "int", "restrict", "while", "d\u00aa"]
 )
