@@ -373,8 +373,8 @@ def delay_tradeoff(
     """Return the least error that any window reaches at each delay.
 
     The error is that on a sinusoid in white noise, by the frequency response and the norm of the continuous kernel: no
-    expansion in the window length is involved. The curve falls steeply at first and has its minimum where `tau` is a
-    root; beyond, waiting longer gains nothing at this degree.
+    expansion in the window length is involved. The curve falls steeply at first; then it goes up and down a little, as
+    the best `tau` passes the roots, and up where the delay is longer than the best window.
 
     Parameters
     ----------

@@ -86,7 +86,8 @@ class Differentiator(Filter):
         ``degree == deriv``, when `tau` has no influence.
     cutoff, half_power : float or None
         Cutoff (Kiltz and Rudolph) of the kernel, and the -3 dB point of the weights, in cycles per unit of `delta`
-        (Hz). None where there is none (up to the Nyquist frequency for `half_power`).
+        (Hz). None where there is none (up to the Nyquist frequency for `half_power`). With rules that leak,
+        `half_power` may lie where the leak and the derivative cancel.
     nyquist_attenuation : float or None
         How far the amplitude of the kernel at the Nyquist frequency lies below that at the cutoff, in dB.
     exactness : int

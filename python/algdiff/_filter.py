@@ -151,7 +151,8 @@ class Filter:
         Returns
         -------
         float
-            Root-mean-square difference over frequencies (up to 8192 of them), relative to the kernel's response.
+            Root-mean-square difference over frequencies, relative to the kernel's response. Beyond 128 lobes of the
+            response the frequencies lie ever wider apart, so that the last digits are those of a sample of them.
         """
         largest = 0.5 / self.delta if frequency is None else arguments.real("frequency", frequency)
         return self._plan.discretisation_error(largest)
@@ -189,7 +190,8 @@ class Filter:
     @property
     def noise_gain(self) -> float:
         """Sum of the squared weights."""
-        return float(self._weights @ self._weights)
+        with np.errstate(over="ignore"):
+            return float(self._weights @ self._weights)
 
     @property
     def norm1(self) -> float:

@@ -11,8 +11,8 @@ use crate::plan::Plan;
 use crate::response::{Response, bisect};
 use crate::rule::Rule;
 
-/// At most this many frequencies in an integral over frequencies.
-const MAX_FREQUENCIES: f64 = 8192.0;
+/// Lobes of the response of which an integral over frequencies sees every detail.
+const LOBES: f64 = 128.0;
 
 impl Plan {
     /// The frequency response at every `frequency`, in cycles per unit of time, into `out`; the phase reference is the estimate.
@@ -63,21 +63,35 @@ impl Plan {
         if !(largest.is_finite() && largest > 0.0) {
             return Err(Error::argument("frequency", largest, "finite and positive"));
         }
-        // Sixteen frequencies a lobe.
-        let count = (16.0 * largest * self.duration()).clamp(256.0, MAX_FREQUENCIES).ceil();
         let kernel = Response::new(self.kernel(), TAU * largest * self.duration());
         let (mut different, mut whole) = (0.0, 0.0);
-        for index in 0..=count as usize {
-            if !control.proceed(index as f64 / count) {
+        let mut before: Option<(f64, f64, f64)> = None;
+        for frequency in self.frequencies(largest) {
+            if !control.proceed(0.0) {
                 return Err(Error::Interrupted);
             }
-            let frequency = largest * (index as f64 / count);
-            let share = if index == 0 || index as f64 == count { 0.5 } else { 1.0 };
             let wanted = kernel.at(TAU * frequency * self.duration(), self.kernel().tau()) * self.unit();
-            different += share * (self.response(frequency) - wanted).norm_sqr();
-            whole += share * wanted.norm_sqr();
+            let (distance, size) = ((self.response(frequency) - wanted).norm_sqr(), wanted.norm_sqr());
+            if let Some((lower, last_distance, last_size)) = before {
+                let step = frequency - lower;
+                different += step * (distance + last_distance);
+                whole += step * (size + last_size);
+            }
+            before = Some((frequency, distance, size));
         }
         Ok((different / whole).sqrt())
+    }
+
+    /// Frequencies for an integral from 0 to `largest`: sixteen to a lobe of the response for the first 128 lobes, and from
+    /// there on as many for every octave as for the one before, fewer for windows of very many samples.
+    fn frequencies(&self, largest: f64) -> impl Iterator<Item = f64> + use<> {
+        let first = largest.min(LOBES / self.duration());
+        let dense = (16.0 * first * self.duration()).ceil().max(256.0);
+        let octaves = (largest / first).log2();
+        let per_octave = (2e8 / self.span() as f64).clamp(64.0, 16.0 * LOBES);
+        let sparse = (octaves * per_octave).ceil();
+        let uniform = (0..=dense as usize).map(move |index| first * (index as f64 / dense));
+        uniform.chain((1..=sparse as usize).map(move |index| first * (octaves * (index as f64 / sparse)).exp2()))
     }
 
     /// `m` and `c` of the leading error `c x^(m)` of the estimate; `m` is the first degree that is not reproduced.

@@ -65,6 +65,21 @@ fn enter<T: Send>(
     }
 }
 
+/// A one-dimensional array of Python's.
+type Array<'a, T = f64> = Bound<'a, PyArray1<T>>;
+
+/// The way in for a function of points that fills an array.
+fn enter_with<T: Element + Send>(
+    points: &Array<'_>,
+    out: &Array<'_, T>,
+    call: impl FnOnce(&[f64], &mut [T], &Attended) -> Result<(), Error> + Send,
+) -> PyResult<()> {
+    let py = points.py();
+    let (points, mut out) = (points.try_readonly()?, out.try_readwrite()?);
+    let (points, out) = (points.as_slice()?, out.as_slice_mut()?);
+    enter(py, None, |control| call(points, out, control))
+}
+
 /// `tau` as a word or a number.
 #[derive(FromPyObject)]
 enum Point {
@@ -126,38 +141,16 @@ impl Kernel {
         PyArray1::from_vec(py, self.0.roots())
     }
 
-    fn values(
-        &self,
-        py: Python<'_>,
-        points: &Bound<'_, PyArray1<f64>>,
-        out: &Bound<'_, PyArray1<f64>>,
-    ) -> PyResult<()> {
-        let (points, mut out) = (points.try_readonly()?, out.try_readwrite()?);
-        let (points, out) = (points.as_slice()?, out.as_slice_mut()?);
-        enter(py, None, |control| self.0.values(points, out, control))
+    fn values(&self, points: &Array<'_>, out: &Array<'_>) -> PyResult<()> {
+        enter_with(points, out, |points, out, control| self.0.values(points, out, control))
     }
 
-    fn frequency_response(
-        &self,
-        py: Python<'_>,
-        omega: &Bound<'_, PyArray1<f64>>,
-        reference: f64,
-        out: &Bound<'_, PyArray1<Complex64>>,
-    ) -> PyResult<()> {
-        let (omega, mut out) = (omega.try_readonly()?, out.try_readwrite()?);
-        let (omega, out) = (omega.as_slice()?, out.as_slice_mut()?);
-        enter(py, None, |control| self.0.frequency_response(omega, reference, out, control))
+    fn frequency_response(&self, omega: &Array<'_>, reference: f64, out: &Array<'_, Complex64>) -> PyResult<()> {
+        enter_with(omega, out, |omega, out, control| self.0.frequency_response(omega, reference, out, control))
     }
 
-    fn step_response(
-        &self,
-        py: Python<'_>,
-        times: &Bound<'_, PyArray1<f64>>,
-        out: &Bound<'_, PyArray1<f64>>,
-    ) -> PyResult<()> {
-        let (times, mut out) = (times.try_readonly()?, out.try_readwrite()?);
-        let (times, out) = (times.as_slice()?, out.as_slice_mut()?);
-        enter(py, None, |control| self.0.step_response(times, out, control))
+    fn step_response(&self, times: &Array<'_>, out: &Array<'_>) -> PyResult<()> {
+        enter_with(times, out, |times, out, control| self.0.step_response(times, out, control))
     }
 
     #[getter]
@@ -309,15 +302,8 @@ impl Plan {
         self.0.duration()
     }
 
-    fn frequency_response(
-        &self,
-        py: Python<'_>,
-        frequency: &Bound<'_, PyArray1<f64>>,
-        out: &Bound<'_, PyArray1<Complex64>>,
-    ) -> PyResult<()> {
-        let (frequency, mut out) = (frequency.try_readonly()?, out.try_readwrite()?);
-        let (frequency, out) = (frequency.as_slice()?, out.as_slice_mut()?);
-        enter(py, None, |control| self.0.frequency_response(frequency, out, control))
+    fn frequency_response(&self, frequency: &Array<'_>, out: &Array<'_, Complex64>) -> PyResult<()> {
+        enter_with(frequency, out, |frequency, out, control| self.0.frequency_response(frequency, out, control))
     }
 
     fn half_power(&self, py: Python<'_>) -> PyResult<Option<f64>> {
@@ -416,15 +402,8 @@ impl Simultaneous {
         PyArray1::from_iter(py, matrix.row_iter().flat_map(|row| row.iter().copied()))
     }
 
-    fn right_side(
-        &self,
-        py: Python<'_>,
-        points: &Bound<'_, PyArray1<f64>>,
-        out: &Bound<'_, PyArray1<f64>>,
-    ) -> PyResult<()> {
-        let (points, mut out) = (points.try_readonly()?, out.try_readwrite()?);
-        let (points, out) = (points.as_slice()?, out.as_slice_mut()?);
-        enter(py, None, |control| self.0.right_side(points, out, control))
+    fn right_side(&self, points: &Array<'_>, out: &Array<'_>) -> PyResult<()> {
+        enter_with(points, out, |points, out, control| self.0.right_side(points, out, control))
     }
 
     fn condition_number(&self, py: Python<'_>) -> PyResult<f64> {
@@ -433,17 +412,8 @@ impl Simultaneous {
 }
 
 #[pyfunction]
-fn lambdas(
-    py: Python<'_>,
-    deriv: usize,
-    degree: usize,
-    exponents: (f64, f64),
-    points: &Bound<'_, PyArray1<f64>>,
-    out: &Bound<'_, PyArray1<f64>>,
-) -> PyResult<()> {
-    let (points, mut out) = (points.try_readonly()?, out.try_readwrite()?);
-    let (points, out) = (points.as_slice()?, out.as_slice_mut()?);
-    enter(py, None, |_| paper::lambdas(deriv, degree, exponents, points, out))
+fn lambdas(deriv: usize, degree: usize, exponents: (f64, f64), points: &Array<'_>, out: &Array<'_>) -> PyResult<()> {
+    enter_with(points, out, |points, out, _| paper::lambdas(deriv, degree, exponents, points, out))
 }
 
 /// The module `algdiff._core`.
