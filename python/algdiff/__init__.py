@@ -21,6 +21,7 @@ from algdiff._differentiate import differentiate
 from algdiff._differentiator import Differentiator
 from algdiff._gradient import gradient
 from algdiff._kernel import Asymptotes, Kernel
+from algdiff._plot import plot_design, plot_kernel, plot_response
 from algdiff._savgol import savgol_coeffs, savgol_filter
 from algdiff._warnings import DesignWarning
 
@@ -39,6 +40,9 @@ __all__ = [
     "gradient",
     "optimal_window",
     "paper",
+    "plot_design",
+    "plot_kernel",
+    "plot_response",
     "savgol_coeffs",
     "savgol_filter",
 ]

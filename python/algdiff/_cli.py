@@ -1,4 +1,4 @@
-"""Command line: ``algdiff run`` for files, ``algdiff demo`` for a first look."""
+"""Command line: ``algdiff run`` for files, ``algdiff design`` for windows, ``algdiff demo`` for a first look."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from algdiff import _units as units
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
@@ -19,8 +21,10 @@ if TYPE_CHECKING:
     from algdiff._files import Table
 
 MODES = ("fit", "valid", "nan", "nearest", "mirror", "wrap", "constant")
-RULES = ("exact", "trapezoid")
+RULES = ("exact", "trapezoid", "midpoint", "simpson", "cell", "hat")
 TAUS = ("center", "root", "newest")
+WORDS = ("degree", "kappa", "mu", "tau", "delay", "delta", "fs", "rule", "trim")
+"""Options that become arguments of a design."""
 BAR = 30
 
 
@@ -78,7 +82,7 @@ def _dispatch(argv: Sequence[str] | None) -> int:
         raise
     except MemoryError as error:
         return _complain(f"error: not enough memory: {error}", 1)
-    except (OSError, ValueError, OverflowError, Warning) as error:
+    except (OSError, ValueError, OverflowError, ImportError, Warning) as error:
         return _complain(f"error: {_one_line(error)}", 1)
     return 0
 
@@ -156,10 +160,19 @@ def _check_arguments(options: argparse.Namespace) -> str:
 def _design(options: argparse.Namespace) -> Differentiator:
     import algdiff
 
-    words = ("degree", "kappa", "mu", "tau", "delay", "delta", "fs", "rule")
-    given = {word: getattr(options, word) for word in words if getattr(options, word) is not None}
+    return design_by(algdiff.Differentiator, options.window_length, options)
+
+
+def design_by(make: Callable[..., Differentiator], target: float, options: argparse.Namespace) -> Differentiator:
+    """Return what `make` designs for `target` from the options, or raise UsageError."""
+    unit = getattr(target, "unit", None) or getattr(options.delay, "unit", None)
+    if unit is not None and options.delta is None and options.fs is None:
+        raise UsageError(
+            f"--fs or --delta must be given for numbers in {unit}, got neither: the step is 1, with no unit"
+        )
+    given = {word: getattr(options, word) for word in WORDS if getattr(options, word) is not None}
     try:
-        return algdiff.Differentiator(options.window_length, options.deriv, **given)
+        return make(target, options.deriv, **given)
     except (ValueError, TypeError, OverflowError) as error:
         raise UsageError(_one_line(error)) from None
 
@@ -209,6 +222,8 @@ def _demo(options: argparse.Namespace) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
+    from algdiff import _cli_design
+
     parser = argparse.ArgumentParser(
         prog="algdiff",
         description="Derivatives of sampled, noisy data.",
@@ -221,7 +236,8 @@ def _parser() -> argparse.ArgumentParser:
     run = verbs.add_parser("run", help="differentiate a file", description=RUN, allow_abbrev=False)
     run.set_defaults(verb=_run)
     _add_files(run)
-    _add_design(run)
+    add_design(run)
+    _cli_design.add(verbs.add_parser("design", help="choose a window and say what it does", allow_abbrev=False))
     demo = verbs.add_parser("demo", help="differentiate the shipped pendulum recording", allow_abbrev=False)
     demo.set_defaults(verb=_demo)
     demo.add_argument("--output", type=Path, default=Path("algdiff-demo"), metavar="DIR", help="default: %(default)s")
@@ -244,24 +260,30 @@ def _add_files(run: argparse.ArgumentParser) -> None:
     add("--columns", type=_names, metavar="A,B", help="columns of a .csv IN: header names, or positions from 0")
     add("--axis", type=int, help="axis of time; default: -1, for a .csv IN 0")
     add("-q", "--quiet", action="store_true", help="no progress bar and no summary on stderr")
-
-
-def _add_design(run: argparse.ArgumentParser) -> None:
-    add = run.add_argument
     add("--window", type=int, required=True, dest="window_length", metavar="N", help="window in samples")
+    add("--mode", choices=MODES, default="fit", help="what happens at the ends of the data; default: %(default)s")
+    add("--cval", type=float, metavar="X", help="value beyond the ends for --mode constant; default: 0")
+
+
+def add_design(verb: argparse.ArgumentParser) -> None:
+    """Add the options of a design but for its window."""
+    add = verb.add_argument
     add("--deriv", type=int, default=1, metavar="N", help="derivative order; default: %(default)s")
     add("--degree", type=int, metavar="N", help="degree of the local polynomial; default: deriv + 2")
     add("--kappa", type=float, metavar="X", help="weight exponent of the oldest end; default: 1")
     add("--mu", type=float, metavar="X", help="weight exponent of the newest end; default: 1")
     add("--rule", choices=RULES, help="discretisation; default: exact")
-    add("--mode", choices=MODES, default="fit", help="what happens at the ends of the data; default: %(default)s")
-    add("--cval", type=float, metavar="X", help="value beyond the ends for --mode constant; default: 0")
-    point = run.add_mutually_exclusive_group()
+    add("--trim", type=float, metavar="X", help="share of the weights to leave out at either end; default: 0")
+    point = verb.add_mutually_exclusive_group()
     point.add_argument("--tau", type=_tau, metavar="X", help=f"{', '.join(TAUS)} or a number; default: center")
-    point.add_argument("--delay", type=float, metavar="S", help="delay of the estimate in seconds, instead of tau")
-    step = run.add_mutually_exclusive_group()
-    step.add_argument("--delta", type=float, metavar="S", help="sampling step; default: 1, with no unit")
-    step.add_argument("--fs", type=float, metavar="HZ", help="sampling rate, instead of delta")
+    point.add_argument(
+        "--delay", type=units.time, metavar="S", help="delay of the estimate, instead of tau: 0.02, 20ms"
+    )
+    step = verb.add_mutually_exclusive_group()
+    step.add_argument(
+        "--delta", type=units.time, metavar="S", help="sampling step: 0.001, 1ms; default: 1, with no unit"
+    )
+    step.add_argument("--fs", type=units.rate, metavar="HZ", help="sampling rate, instead of delta: 1000, 1kHz")
 
 
 def _tau(text: str) -> str | float:

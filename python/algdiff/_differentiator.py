@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike
 
 from algdiff import _arguments as arguments
 from algdiff import _choice as choice
+from algdiff import _export as export
+from algdiff import _report as report
 from algdiff._arguments import Samples
 from algdiff._core import Plan
 from algdiff._filter import Filter
@@ -382,6 +384,61 @@ class Differentiator(Filter):
         (51, 1.045, True)
         """
         return choice.from_notch(cls, frequency, deriv, order, unit, design)
+
+    def summary(self) -> report.Summary:
+        """Return the design in plain numbers and words, as JSON can hold them.
+
+        Returns
+        -------
+        dict
+            In this order, with `delta` in seconds: `window_length` and `weight_count` (the weights that `trim` left),
+            in samples; `deriv`, `degree`, `kappa`, `mu`, `tau`, `rule`, `trim`; `delta` and `duration` in s and `fs` in
+            Hz; `delay` in s, `delay_samples`, and `moment_delay` in s; `exactness`; `noise_gain` in
+            ``1 / s**(2 * deriv)`` and `norm1` in ``1 / s**deriv``; `bias_order`, `bias_constant` and `bias_bound` in
+            ``s**bias_order``; `cutoff` and `half_power` in Hz; `roll_off`, by which the amplitude of the kernel falls
+            against an ideal differentiator, in dB per decade; `nyquist_attenuation` in dB; and
+            `discretisation_error`. What does not exist or is infinite is None.
+
+        Examples
+        --------
+        >>> from algdiff import Differentiator
+        >>> summary = Differentiator(51, fs=1000).summary()
+        >>> summary["delay"], summary["delay_samples"], summary["exactness"], summary["roll_off"]
+        (0.025, 25.0, 4, 60.0)
+        """
+        return report.summary(self)
+
+    def to_c(self, name: str = "differentiator") -> str:
+        r"""Return a C99 header that makes the estimates of ``mode="valid"``, one window at a time.
+
+        Parameters
+        ----------
+        name : str
+            What its names start with, a C identifier: ``name_weights``, the function ``name_apply(window)``, and, in
+            capitals, the macros ``NAME_LENGTH``, ``NAME_DELAY``, ``NAME_DELAY_SAMPLES`` and ``NAME_NOISE_GAIN``.
+
+        Returns
+        -------
+        str
+            The weights read back to the same bits. As here, an offset costs nothing, and a constant gives exactly 0
+            (or itself, if ``deriv == 0``), unless the rule leaks constants.
+
+        Raises
+        ------
+        ValueError
+            `name` is not a C identifier.
+        TypeError
+            `name` is not a string.
+
+        Examples
+        --------
+        >>> from algdiff import Differentiator
+        >>> header = Differentiator(5, degree=2, kappa=0, mu=0, delta=0.1).to_c("velocity")
+        >>> print("\n".join(line for line in header.splitlines() if "_DELAY" in line))
+        #define VELOCITY_DELAY 0.2
+        #define VELOCITY_DELAY_SAMPLES 2.0
+        """
+        return export.to_c(self, name)
 
     def replace(self, **changes: Any) -> Differentiator:
         """Return a design with some arguments changed, the others as they were given.
