@@ -94,7 +94,7 @@ def to_c(design: Differentiator, name: str) -> str:
         "constant": "itself" if smooths else "0",
         "result": "origin + sum" if smooths else "sum",
     }
-    apply = ON_DIFFERENCES if _keeps_constants(design) else PLAIN
+    apply = ON_DIFFERENCES if design._plan.keeps_constants else PLAIN
     return HEADER.format(apply=apply.format(**words), **words)
 
 
@@ -103,11 +103,6 @@ def _literal(value: float) -> str:
     if math.isinf(value):
         return "HUGE_VAL /* of math.h */"
     return f"({value!r})" if value < 0 else repr(value)
-
-
-def _keeps_constants(design: Differentiator) -> bool:
-    """Whether the weights sum to what they must but for rounding, so that differences may carry the sum."""
-    return design.rule == "exact" or (design.rule in ("cell", "hat") and design.trim == 0)
 
 
 def _check_identifier(name: object) -> None:

@@ -295,6 +295,11 @@ impl Plan {
     }
 
     #[getter]
+    fn keeps_constants(&self) -> bool {
+        self.0.keeps_constants()
+    }
+
+    #[getter]
     fn span(&self) -> usize {
         self.0.span()
     }
