@@ -352,6 +352,8 @@ def test_wishes_are_checked_by_name() -> None:
         make.from_cutoff(0.01, windo=3)
     with pytest.raises((TypeError, ValueError), match="window_length"):
         make.from_duration(10.0, window_length=3)
+    for rule in RULES[3:]:  # on nodes, one sample is no window
+        assert make.from_cutoff(0.05, 0, degree=0, rule=rule).cutoff == pytest.approx(0.05, rel=0.2)
     with pytest.raises(ValueError, match="cutoff"):
         make.from_cutoff(0.49, degree=5)  # no window of six samples is that fast
     with pytest.raises(ValueError, match="cutoff"):
