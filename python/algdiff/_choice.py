@@ -41,7 +41,8 @@ class _Wish:
         self.degree = self.deriv + 2 if degree is None else arguments.integer("degree", degree, 0)
         self.kappa, self.mu = (arguments.real(name, values.get(name, 1.0)) for name in ("kappa", "mu"))
         self.on_nodes = values.get("rule") in NODES
-        self.least = self.length(self.degree if self.on_nodes else self.degree + 1)
+        # Nodes lie at both ends: one sample spans no time.
+        self.least = self.length(max(self.degree, 1) if self.on_nodes else self.degree + 1)
 
     def length(self, steps: float) -> int:
         """Return the window length whose duration is nearest to `steps` sampling steps."""
@@ -64,9 +65,10 @@ class _Wish:
         return Kernel(self.deriv, self.degree, self.kappa, self.mu, "center" if tau is None else tau)
 
     def nearest(self, start: int, miss: Callable[[int], float]) -> int:
-        """Return the window length, `start` or next to it, that misses least."""
+        """Return the window length, `start` or near it, that misses least."""
         step = 2 if self.rest.get("rule") == "simpson" else 1
-        return min((n for n in (start, start - step, start + step) if n >= self.least), key=miss)
+        near = (start + step * k for k in (0, -1, 1, -2, 2, -3, 3))
+        return min((n for n in near if n >= self.least), key=miss)
 
     def design(self, cls: type[Differentiator], window_length: int, **changes: Any) -> Differentiator:
         return cls(window_length, self.deriv, delta=self.delta, **{**self.rest, **changes})

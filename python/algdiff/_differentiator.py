@@ -355,8 +355,8 @@ class Differentiator(Filter):
         """Return a design that annihilates a frequency.
 
         The response of a symmetric window has zeros. The window is made as long as puts the `order`-th of them next to
-        `frequency`, and the exponents, equal at both ends, are then moved a little until it is there: to rounding, at
-        the whole number of samples.
+        `frequency`, and the exponents, equal at both ends, are then moved until it is there: to rounding, at the whole
+        number of samples. They move little for windows of many samples, and by 1 or more for those of a few.
 
         Parameters
         ----------
