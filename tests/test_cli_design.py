@@ -108,7 +108,7 @@ def test_the_documented_table_is_what_the_command_prints(capsys: pytest.CaptureF
 
 
 def test_the_summary_is_what_the_attributes_say() -> None:
-    design = Differentiator.from_cutoff(20, fs=1000, degree=4, mu=2, tau="root", trim=0.001)
+    design = Differentiator.from_cutoff(20, fs=1000, degree=4, mu=2, tau="root").replace(trim=0.001)
     summary = design.summary()
     assert summary.pop("weight_count") == design.weights.size < design.window_length
     assert summary.pop("roll_off") == 20 * design.kernel.roll_off

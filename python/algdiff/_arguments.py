@@ -32,7 +32,9 @@ def integer(name: str, value: object, least: int) -> int:
 def real(name: str, value: object) -> float:
     """Return `value` as a float."""
     try:
-        if isinstance(value, (str, bytes, bool)) or (hasattr(value, "dtype") and value.dtype.kind not in "fiu"):
+        if isinstance(value, (str, bytes, bool, np.ma.MaskedArray)) or (
+            hasattr(value, "dtype") and value.dtype.kind not in "fiu"
+        ):
             raise TypeError
         return float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
@@ -92,17 +94,7 @@ def samples(name: str, values: ArrayLike) -> Samples:
     float32 and complex64 stay what they are; every other number becomes float64 or complex128. The array may be any
     view: `contiguous` copies what the core cannot read in place.
     """
-    if isinstance(values, np.ma.MaskedArray):
-        if np.ma.is_masked(values):
-            raise TypeError(f"{name} is a masked array with masked values: fill them, or split {name} at the gaps")
-        values = np.ma.getdata(values)
-    kind = type(values)  # not the object: a table may have columns of these names
-    if hasattr(kind, "magnitude") or (hasattr(kind, "unit") and hasattr(kind, "value")):
-        raise TypeError(f"{name} carries units, which would be lost: pass its plain numbers and scale the result")
-    try:
-        array = np.asarray(values)
-    except ValueError as error:
-        raise ValueError(f"{name} must be an array of numbers: {error}") from None
+    array = _plain(name, values)
     if array.dtype.kind not in "fiubc":
         raise TypeError(f"{name} must hold real or complex numbers, got dtype {array.dtype}")
     if array.ndim == 0:
@@ -116,12 +108,36 @@ def _working_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
     return np.dtype(np.float32 if dtype.kind == "f" and dtype.itemsize == 4 else np.float64)
 
 
+def _plain(name: str, values: ArrayLike) -> Samples:
+    """Return `values` as an array; refuse what would lose a mask or a unit."""
+    if isinstance(values, np.ma.MaskedArray):
+        if np.ma.is_masked(values):
+            raise TypeError(f"{name} is a masked array with masked values: fill them, or split {name} at the gaps")
+        values = np.ma.getdata(values)
+    kind = type(values)  # not the object: a table may have columns of these names
+    if hasattr(kind, "magnitude") or (hasattr(kind, "unit") and hasattr(kind, "value")):
+        raise TypeError(f"{name} carries units, which would be lost: pass its plain numbers and scale the result")
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise ValueError(f"{name} must be an array of numbers: {error}") from None
+    return array
+
+
 def points(name: str, values: ArrayLike) -> tuple[Samples, tuple[int, ...]]:
     """Return `values` as a flat float64 array, and their shape."""
-    array = np.asarray(values)
+    array = _plain(name, values)
     if array.dtype.kind not in "fiub":
         raise TypeError(f"{name} must be real numbers, got dtype {array.dtype}")
-    return contiguous(array.astype(np.float64, copy=False)), array.shape
+    with np.errstate(over="ignore"):
+        return contiguous(array.astype(np.float64, copy=False)), array.shape
+
+
+def word(name: str, value: object, allowed: str) -> str:
+    """Return a word as it is."""
+    if not isinstance(value, str):
+        raise TypeError(f"{name} must be {allowed}, got {value!r}")
+    return value
 
 
 def contiguous(array: Samples) -> Samples:

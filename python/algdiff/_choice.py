@@ -37,12 +37,26 @@ class _Wish:
         if not (math.isfinite(self.delta) and self.delta > 0):
             raise ValueError(f"delta must be finite and positive, got {self.delta}")
         self.rest = values
+        if values.get("rule") is not None:
+            arguments.word("rule", values["rule"], "a word such as 'exact'")
+        if values.get("tau") is not None:
+            values["tau"] = arguments.word_or_real("tau", values["tau"])
         degree = values.get("degree")
         self.degree = self.deriv + 2 if degree is None else arguments.integer("degree", degree, 0)
         self.kappa, self.mu = (arguments.real(name, values.get(name, 1.0)) for name in ("kappa", "mu"))
         self.on_nodes = values.get("rule") in NODES
         # Nodes lie at both ends: one sample spans no time.
         self.least = self.length(max(self.degree, 1) if self.on_nodes else self.degree + 1)
+
+    def untrimmed(self) -> _Wish:
+        """Return this wish if it is for a whole window."""
+        trim = arguments.real("trim", self.rest.get("trim", 0.0))
+        if trim != 0:
+            raise ValueError(
+                f"trim must be 0 here, got {trim}: it changes what the window is chosen by; "
+                "use replace(trim=...) on the result"
+            )
+        return self
 
     def length(self, steps: float) -> int:
         """Return the window length whose duration is nearest to `steps` sampling steps."""
@@ -83,7 +97,7 @@ def _positive(name: str, value: object) -> float:
 
 def _angular(name: str, value: object, unit: str) -> float:
     frequency = _positive(name, value)
-    if unit not in ("Hz", "rad/s"):
+    if arguments.word("unit", unit, "'Hz' or 'rad/s'") not in ("Hz", "rad/s"):
         raise ValueError(f"unit must be 'Hz' or 'rad/s', got {unit!r}")
     return 2 * math.pi * frequency if unit == "Hz" else frequency
 
@@ -92,7 +106,7 @@ def from_cutoff(
     cls: type[Differentiator], cutoff: float, deriv: SupportsIndex, unit: str, design: dict[str, Any]
 ) -> Differentiator:
     """Return the design of `Differentiator.from_cutoff`."""
-    wish = _Wish(deriv, design)
+    wish = _Wish(deriv, design).untrimmed()
     wanted = _angular("cutoff", cutoff, unit) * wish.delta
 
     def reached(window_length: int) -> float:
@@ -114,9 +128,11 @@ def from_cutoff(
     # `tau` in the words of samples or of a delay depends on the window: a fixed point, from the side of long windows.
     length = wish.least
     for _ in range(60):
+        if reached(length) * wish.steps(length) > arguments.MAX_WINDOW * wanted:
+            raise ValueError(
+                f"cutoff must be higher: {arguments.MAX_WINDOW} samples are not enough for it, got {cutoff}"
+            )
         steps = reached(length) * wish.steps(length) / wanted
-        if steps > arguments.MAX_WINDOW:
-            raise ValueError(f"cutoff must be higher: a window of {steps:.3g} samples is needed, got {cutoff}")
         following = max(wish.length(steps), wish.least)
         if following == length:
             break
@@ -154,9 +170,9 @@ def from_delay(
     cls: type[Differentiator], delay: float, deriv: SupportsIndex, tau: float | str, design: dict[str, Any]
 ) -> Differentiator:
     """Return the design of `Differentiator.from_delay`."""
-    if tau == "newest":
+    if isinstance(tau, str) and tau == "newest":
         raise ValueError("tau must be a point before the newest sample, got 'newest', whose delay is always 0")
-    wish = _Wish(deriv, design, tau=tau)
+    wish = _Wish(deriv, design, tau=tau).untrimmed()
     samples = _positive("delay", delay) / wish.delta
     rest = 1 - wish.kernel(wish.least).tau
     if rest <= 0:
@@ -189,21 +205,21 @@ def from_notch(
     number = arguments.integer("order", order, 1)
     if wish.kappa != wish.mu:
         raise ValueError(f"kappa and mu must be equal for a notch, got kappa = {wish.kappa} and mu = {wish.mu}")
-    if design.get("delay") is not None or design.get("tau") not in (None, "center", 0.5):
+    if design.get("delay") is not None or wish.rest.get("tau") not in (None, "center", 0.5):
         raise ValueError("tau must be 'center' for a notch: only symmetric windows have zeros")
     turns = _angular("frequency", frequency, unit) * wish.delta
     if turns >= math.pi:
         raise ValueError(f"frequency must be below half the sampling rate, got {frequency} {unit}")
     zero = _zero(wish.kernel(wish.least), number)
+    if zero > arguments.MAX_WINDOW * turns:
+        raise ValueError(
+            f"frequency must be higher: {arguments.MAX_WINDOW} samples are not enough for it, got {frequency}"
+        )
     length = wish.length(zero / turns)
     if length < wish.least:
         raise ValueError(
             f"frequency must be lower, or order higher: a window of {length} samples is needed "
             f"and degree + 1 = {wish.least} is the least, got {frequency} {unit}"
-        )
-    if length > arguments.MAX_WINDOW:
-        raise ValueError(
-            f"frequency must be higher: a window of {length:.3g} samples is needed, got {frequency} {unit}"
         )
 
     def left(exponent: float) -> float:
@@ -317,7 +333,7 @@ def optimal_window(
     """
     from algdiff._differentiator import Differentiator
 
-    wish = _Wish(deriv, design)
+    wish = _Wish(deriv, design).untrimmed()
     if design.get("delay") is not None:
         raise ValueError("delay must be left out: at one delay, tau depends on the window; see delay_tradeoff")
     kernel = wish.kernel(arguments.MAX_WINDOW)

@@ -57,8 +57,10 @@ class Differentiator(Filter):
         there; the others give them finite weights.
     trim : float
         Leave out, at either end of the window, the samples that together hold at most this share of the sum of the
-        weights' sizes. `window_length` stays the nominal window; `weights` is shorter and the delay less. With the
-        rule "exact" the rest is fitted anew and as exact as before; with the others it is just what is left.
+        weights' sizes. `window_length` and `tau` go on describing the nominal window, and so do `cutoff` and `kernel`;
+        `weights` is shorter and `delay` less by what is left out at the newest end: below 0, a prediction, for
+        "newest". With the rule "exact" the rest is fitted anew and as exact as before; with the others it is just
+        what is left.
 
     Attributes
     ----------
@@ -144,8 +146,13 @@ class Differentiator(Filter):
     ) -> None:
         if tau is not None and delay is not None:
             raise ValueError(f"give tau or delay, not both: got tau = {tau!r} and delay = {delay!r}")
-        if not isinstance(rule, str):
-            raise TypeError(f"rule must be a word such as 'exact', got {rule!r}")
+        share = arguments.real("trim", trim)
+        if delay is not None and share != 0:
+            raise ValueError(
+                f"give delay or trim, not both: got delay = {delay!r} and trim = {trim!r}; what is left out at the "
+                "newest end shortens the delay, so say tau"
+            )
+        arguments.word("rule", rule, "a word such as 'exact'")
         self._set(
             {
                 "window_length": arguments.integer("window_length", window_length, 1),
@@ -157,7 +164,7 @@ class Differentiator(Filter):
                 "delay": None if delay is None else arguments.real("delay", delay),
                 "delta": arguments.sampling_step(delta, fs),
                 "rule": rule,
-                "trim": arguments.real("trim", trim),
+                "trim": share,
             }
         )
         limit = 1.5 * math.sqrt(self.window_length)

@@ -91,12 +91,9 @@ class Filter:
         """
         flat, shape = arguments.points("frequency", frequency)
         scale = self.duration**self.deriv
-        return Asymptotes(
-            *(
-                (values / scale).reshape(shape)[()]
-                for values in self.kernel.asymptotes(2 * math.pi * self.duration * flat)
-            )
-        )
+        with np.errstate(over="ignore"):
+            omega = 2 * math.pi * self.duration * flat
+        return Asymptotes(*((values / scale).reshape(shape)[()] for values in self.kernel.asymptotes(omega)))
 
     def impulse_response(self, t: ArrayLike) -> Any:
         """Return the output at time `t` if the sample at time 0 is 1 and all others are 0: the weights, newest first.
@@ -130,9 +127,9 @@ class Filter:
     def _held(self, outputs: NDArray[np.float64], last: float, t: ArrayLike) -> Any:
         flat, shape = arguments.points("t", t)
         # A time that is a sample's but for rounding is that sample's.
-        steps = flat / self.delta
-        nearest = np.round(steps)
-        with np.errstate(invalid="ignore"):
+        with np.errstate(invalid="ignore", over="ignore"):
+            steps = flat / self.delta
+            nearest = np.round(steps)
             index = np.where(np.abs(steps - nearest) <= 1e-9 * np.maximum(1.0, np.abs(steps)), nearest, np.floor(steps))
             inside = (index >= 0) & (index < outputs.size)
             values = np.where(index >= outputs.size, last, 0.0)

@@ -14,6 +14,9 @@ use crate::rule::Rule;
 /// Lobes of the response of which an integral over frequencies sees every detail.
 const LOBES: f64 = 128.0;
 
+/// Beyond this many times the sampling rate, where the weights' response only repeats itself, it is compared with nothing.
+const MAX_RATES: f64 = 1000.0;
+
 impl Plan {
     /// The frequency response at every `frequency`, in cycles per unit of time, into `out`; the phase reference is the estimate.
     pub fn frequency_response(
@@ -60,8 +63,9 @@ impl Plan {
     /// The relative root-mean-square difference between the response and that of the continuous kernel, over frequencies
     /// from 0 to `largest`.
     pub fn discretisation_error(&self, largest: f64, control: &impl Control) -> Result<f64, Error> {
-        if !(largest.is_finite() && largest > 0.0) {
-            return Err(Error::argument("frequency", largest, "finite and positive"));
+        if !(largest > 0.0 && largest <= MAX_RATES / self.design().delta) {
+            let allowed = format!("positive and at most {MAX_RATES} sampling rates");
+            return Err(Error::argument("frequency", largest, allowed));
         }
         let kernel = Response::new(self.kernel(), TAU * largest * self.duration());
         let (mut different, mut whole) = (0.0, 0.0);

@@ -245,6 +245,12 @@ impl Fit {
         if error <= ALLOWED_ERROR {
             return Ok(());
         }
+        if error.is_nan() {
+            let Jacobi { alpha, beta } = self.family;
+            let (name, exponent) = if alpha > beta { ("kappa", alpha) } else { ("mu", beta) };
+            let allowed = format!("so small that {} samples of the window have a weight", self.degree() + 1);
+            return Err(Error::argument(name, exponent, allowed));
+        }
         Err(Error::Moments { degree: self.degree(), window_length: self.span(), error })
     }
 

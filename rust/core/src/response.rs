@@ -230,7 +230,8 @@ impl Kernel {
         kappa.min(mu) + self.deriv() as f64 + 1.0
     }
 
-    /// Kiltz and Rudolph's cutoff: where the asymptote of the end that governs meets 1. None if the kernel has a zero there.
+    /// Kiltz and Rudolph's cutoff: where the asymptote of the end that governs meets 1. None if the kernel has a zero there,
+    /// or if the model has no number for it, next to an exponent of -1.
     #[must_use]
     pub fn cutoff(&self) -> Option<f64> {
         let (kappa, mu) = self.exponents();
@@ -240,7 +241,7 @@ impl Kernel {
             std::cmp::Ordering::Greater => newest,
             std::cmp::Ordering::Equal => oldest.max(newest),
         };
-        ln_constant.is_finite().then(|| (ln_constant / self.roll_off()).exp())
+        Some((ln_constant / self.roll_off()).exp()).filter(|cutoff| cutoff.is_normal())
     }
 
     /// The smallest frequency at which `|G|` falls through `1 / sqrt(2)`.

@@ -1,0 +1,133 @@
+"""Corners of the analysis and of windows by what they shall do: what is refused, and what stays finite."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import algdiff
+from algdiff import Differentiator, Kernel
+
+
+def test_a_cutoff_that_is_no_number_is_none() -> None:
+    for kappa, mu in ((-0.999, 50.0), (50.0, -0.999)):
+        design = Differentiator(60, 0, degree=1, kappa=kappa, mu=mu)
+        assert design.cutoff is None
+        assert design.nyquist_attenuation is None
+        assert design.summary()["cutoff"] is None
+
+
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        (lambda: Differentiator.from_cutoff(5e-324, fs=100), "cutoff must be higher"),
+        (lambda: Differentiator.from_cutoff(1e-9, fs=1000), "cutoff must be higher"),
+        (lambda: Differentiator.from_notch(5e-324, fs=100), "frequency must be higher"),
+        (lambda: Differentiator.from_notch(5e-324), "frequency must be higher"),
+        (lambda: Differentiator.from_notch(0.01, delta=1e-308), "frequency must be higher"),
+        (lambda: Differentiator.from_notch(499, fs=1000), "frequency must be lower"),
+        (lambda: Differentiator.from_notch(50, 4, fs=1000, kappa=-0.9, mu=-0.9), "frequency must be lower"),
+        (lambda: Differentiator.from_cutoff(20, fs=1000, trim=0.01), "trim must be 0 here, got 0.01"),
+        (lambda: Differentiator.from_delay(0.02, fs=1000, trim=0.01), "trim must be 0 here, got 0.01"),
+        (lambda: algdiff.optimal_window(1, derivative_bound=1, trim=0.01), "trim must be 0 here, got 0.01"),
+        (lambda: Differentiator(51, delay=10.0, trim=0.05), "give delay or trim, not both"),
+        (lambda: Differentiator(51).discretisation_error(1e300), "frequency must be positive and at most"),
+        (lambda: Differentiator(51).discretisation_error(np.nan), "frequency must be positive and at most"),
+        (lambda: Differentiator(51, 1, mu=1e4), "mu must be so small that"),
+        (lambda: Differentiator(5, 1, degree=2, kappa=1e4, mu=1.0), "kappa must be so small that"),
+        (lambda: Kernel(1).frequency_response([1, [2, 3]]), "omega_T must be an array of numbers"),
+        (
+            lambda: algdiff.delay_tradeoff([1, [2, 3]], 1, bandwidth=1, amplitude=1),
+            "delays must be an array of numbers",
+        ),
+    ],
+)
+def test_refusals_name_the_argument(call: Callable[[], object], name: str) -> None:
+    with pytest.raises(ValueError, match=name):
+        call()
+
+
+class Quantity:
+    """An array with a unit, as pint has them."""
+
+    magnitude = 1.0
+
+    def __array__(self, *_: Any, **__: Any) -> np.ndarray[Any, Any]:
+        return np.ones(2)
+
+
+@pytest.mark.parametrize("bad", [np.ma.array([1.0, 2.0], mask=[False, True]), Quantity()])
+@pytest.mark.parametrize(
+    "call",
+    [
+        Kernel(1),
+        Kernel(1).frequency_response,
+        Kernel(1).asymptotes,
+        Kernel(1).step_response,
+        Kernel(1).impulse_response,
+        Differentiator(5).frequency_response,
+        Differentiator(5).step_response,
+        lambda bad: algdiff.paper.lambdas(1, 2, 0, 0, bad),
+        lambda bad: algdiff.delay_tradeoff(bad, 1, bandwidth=1, amplitude=1),
+    ],
+)
+def test_masks_and_units_are_refused(call: Callable[[Any], object], bad: object) -> None:
+    with pytest.raises(TypeError, match=r"masked values|carries units"):
+        call(bad)
+
+
+@pytest.mark.parametrize(
+    ("call", "name"),
+    [
+        (lambda: Kernel(1, kappa=np.ma.masked), "kappa must be a real number"),
+        (lambda: Differentiator(5, trim=np.ma.masked), "trim must be a real number"),
+        (lambda: Differentiator.from_cutoff(0.1, rule=np.ones(2)), "rule must be a word"),
+        (lambda: Differentiator.from_cutoff(0.1, unit=np.ones(2)), "unit must be 'Hz' or 'rad/s'"),
+        (lambda: Differentiator.from_delay(5, tau=np.ones(2)), "tau must be a real number"),
+        (lambda: Differentiator.from_notch(0.1, tau=np.ones(2)), "tau must be a real number"),
+        (lambda: Kernel(1).optimal_duration(1, 1, bounded="no"), "bounded must be True or False, got 'no'"),
+    ],
+)
+def test_wrong_types_name_the_argument(call: Callable[[], object], name: str) -> None:
+    with pytest.raises(TypeError, match=name):
+        call()
+
+
+def test_numbers_that_overflow_do_so_in_silence() -> None:
+    # Warnings are errors here.
+    assert Differentiator(51, delta=1e-160).noise_gain == np.inf
+    bounds = Differentiator(51).asymptotes([1e308, -1e308])
+    assert np.all(bounds.upper == 0)
+    assert np.all(bounds.low_pass == 0)
+    late, early = Differentiator(51, 0, delta=0.1).step_response([1e308, -1e308])
+    assert (late, early) == (pytest.approx(1.0), 0.0)
+    assert Differentiator(51, delta=0.1).impulse_response(1e308) == 0
+
+
+def test_the_low_pass_model_is_ideal_up_to_the_cutoff_and_falls_beyond() -> None:
+    for deriv in range(3):
+        kernel = Kernel(deriv)
+        assert kernel.cutoff is not None
+        below, above = kernel.cutoff * np.array([1e-3, 0.5, 1.0]), kernel.cutoff * np.array([2.0, 10.0])
+        np.testing.assert_allclose(kernel.asymptotes(below).low_pass, below**deriv, rtol=1e-14)
+        falling = above**deriv * (kernel.cutoff / above) ** kernel.roll_off
+        np.testing.assert_allclose(kernel.asymptotes(above).low_pass, falling, rtol=1e-13)
+        assert kernel.asymptotes(0.0).low_pass == (deriv == 0)
+
+
+def test_trim_places_the_estimate_in_the_whole_window() -> None:
+    for tau in ("newest", "center", 0.8):
+        whole, trimmed = Differentiator(101, tau=tau), Differentiator(101, tau=tau, trim=0.05)
+        dropped = np.flatnonzero(np.cumsum(np.abs(whole.weights[::-1])) > 0.05 * whole.norm1)[0]
+        assert trimmed.tau == whole.tau
+        assert trimmed.delay_samples == pytest.approx(whole.delay_samples - dropped, abs=1e-9)
+
+
+def test_discretisation_errors_fall_with_the_window_however_long() -> None:
+    errors = [Differentiator(length).discretisation_error() for length in (101, 1001, 10_001, 30_001)]
+    for before, after, ratio in zip(errors[:-1], errors[1:], (10, 10, 3), strict=True):
+        # Both responses tend to zero as 1 / omega^2, and so the part beyond the Nyquist frequency as L^(-3/2).
+        assert after == pytest.approx(before / ratio**1.5, rel=0.15)
