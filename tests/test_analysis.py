@@ -204,6 +204,17 @@ def test_half_power(kernel: algdiff.Kernel) -> None:
     assert gain == pytest.approx(math.sqrt(0.5), rel=1e-11)
 
 
+def test_half_power_of_slow_and_of_loud_responses() -> None:
+    # Most of the weight at one end: a long way to half the power, or none at all.
+    # Prediction multiplies the gain, and so the frequency at which it has fallen: beyond the sum over the window.
+    for kernel in (algdiff.Kernel(0, 0, -0.95, -0.2, 0.5), algdiff.Kernel(1, 3, 0, 0, 20.0)):
+        omega = kernel.half_power
+        assert omega is not None
+        assert omega > 60
+        assert float(abs(oracle.low_pass(omega, design_of(kernel)))) == pytest.approx(math.sqrt(0.5), rel=1e-9)
+    assert algdiff.Kernel(0, 0, -0.99, -0.2, 0.5).half_power is None
+
+
 # (n, N, kappa = mu, tau), cutoff, half power: theory section 6
 @pytest.mark.parametrize(
     ("n", "degree", "exponent", "tau", "corner", "half"),

@@ -155,6 +155,20 @@ def test_delays_on_both_grids() -> None:
         assert design(21, delay=0.25, delta=0.1, rule=rule).delay == pytest.approx(0.25, abs=1e-14)
 
 
+def test_a_delay_that_is_the_middle_but_for_rounding_is_the_middle() -> None:
+    for length in (7, 13, 15, 29):  # of 0.3 / 0.1 and others the quotient is not whole
+        for delta in (0.1, 0.01, 0.007):
+            ours = design(length, delay=(length - 1) / 2 * delta, delta=delta)
+            assert (ours.tau, ours.delay_samples) == (0.5, (length - 1) / 2)
+            assert ours.weights.tobytes() == design(length, delta=delta).weights.tobytes()
+
+
+def test_delays_beyond_all_windows_are_refused_by_name() -> None:
+    for delay in (1e300, -1e300, np.inf, np.nan):
+        with pytest.raises(ValueError, match="delay must be"):
+            design(21, delay=delay)
+
+
 # trimming
 
 TRIMMED: list[dict[str, Any]] = [
@@ -225,6 +239,28 @@ def test_no_trim_changes_nothing() -> None:
         assert design(31, kappa=5, mu=5, rule=rule, trim=0.0) == whole
         assert design(31, kappa=5, mu=5, rule=rule, trim=0.0).weights.tobytes() == whole.weights.tobytes()
     assert len(design(31, kappa=5, mu=5).weights) == 31
+
+
+def test_trim_counts_a_share_that_is_just_reached() -> None:
+    mean: dict[str, Any] = {"deriv": 0, "degree": 0, "kappa": 0, "mu": 0}
+    for trim, left in ((0.1249, 8), (0.125, 6), (0.25, 4), (0.26, 4)):  # eighths are exact in binary
+        assert len(design(8, trim=trim, **mean).weights) == left
+
+
+def test_trim_leaves_enough_for_the_fit_or_is_refused() -> None:
+    refused = 0
+    for length, trim in itertools.product(range(7, 12), np.arange(0.05, 0.5, 0.01)):
+        options: dict[str, Any] = {"degree": 4, "kappa": 0, "mu": 0, "tau": 0.3}
+        try:
+            ours = design(length, 0, trim=trim, **options)
+        except ValueError as error:
+            assert str(error).startswith("trim must be so small that more than 4 samples are left")  # noqa: PT017
+            refused += 1
+        else:
+            assert len(ours.weights) >= 5
+    assert 20 < refused < 200
+    with pytest.raises(ValueError, match="trim must be at least 0 and less than 1/2"):
+        design(5, 0, degree=0, trim=0.5)
 
 
 def test_trim_is_part_of_a_design() -> None:
