@@ -242,6 +242,12 @@ def test_no_cutoff_where_the_governing_end_vanishes() -> None:
         assert kernel.half_power > 0
 
 
+def test_without_a_cutoff_there_is_no_low_pass_model() -> None:
+    bounds = algdiff.Kernel(1, 4, 1, 2, 0.5).asymptotes([0.5, 5.0, 500.0])
+    assert np.isnan(bounds.low_pass).all()
+    assert np.isfinite(bounds.upper).all()
+
+
 # responses in time
 
 

@@ -551,6 +551,22 @@ def test_optimal_window_against_all_windows(deriv: int, options: dict[str, Any])
         assert kernel.rmse(ours.duration, noise, bound, delta) <= min(errors) * (1 + 1e-3)
 
 
+def test_optimal_windows_of_hardly_any_noise_are_the_shortest() -> None:
+    ours = algdiff.optimal_window(1e-12, derivative_bound=1e9, degree=2)
+    assert ours.window_length == 3
+    curve = algdiff.delay_tradeoff([0.0], 1e-12, bandwidth=0.3, amplitude=1.0, degree=2)
+    assert curve.window_length.tolist() == [3]
+    with pytest.raises(ValueError, match="delay must be left out"):
+        algdiff.optimal_window(0.01, derivative_bound=1.0, delay=0.1)
+
+
+def test_delays_are_not_those_of_the_caller() -> None:
+    delays = np.array([0.0, 3.0])
+    curve = algdiff.delay_tradeoff(delays, 0.01, bandwidth=0.01, amplitude=1.0)
+    delays[:] = 7.0
+    assert curve.delay.tolist() == [0.0, 3.0]
+
+
 def test_optimal_window_from_a_bandwidth() -> None:
     for deriv, degree in [(0, 1), (1, 3), (2, 3)]:
         kernel = algdiff.Kernel(deriv, degree)

@@ -169,6 +169,23 @@ def test_delays_beyond_all_windows_are_refused_by_name() -> None:
             design(21, delay=delay)
 
 
+def test_symmetry_gains_a_degree_that_exactness_counts() -> None:
+    # A fit through all of its samples, and hats, for which a line is a line: the middle is right about one degree more.
+    for ours, degree in ((design(4, degree=3), 4), (design(31, degree=1, rule="hat"), 2)):
+        assert (ours.exactness, ours.bias_order) == (degree, degree)
+        t = np.arange(ours.window_length) - (ours.window_length - 1) / 2
+        bound = 64 * EPS * ours.window_length * ours.norm1 * float(np.abs(t).max()) ** degree
+        for m in range(degree + 1):
+            assert ours.weights @ t**m == pytest.approx(float(m == 1), rel=0, abs=bound)
+
+
+def test_of_two_samples_equally_near_the_newer_one_is_the_estimate_whatever_the_rounding() -> None:
+    for length in (22, 49, 93, 98, 103, 107):
+        for k in range(1, 12):  # tau lies between samples k - 1 and k; k / length * length may fall short of k
+            out = design(length, tau=k / length, kappa=0, mu=0)(np.zeros(length + 5), mode="nan")
+            assert np.flatnonzero(~np.isnan(out))[0] == k
+
+
 # trimming
 
 TRIMMED: list[dict[str, Any]] = [
