@@ -327,6 +327,18 @@ def test_norm1_of_the_theory(n: int, degree: int, exponent: float, tau: float | 
     assert kernel.norm1**2 <= kernel.norm2 * (1 + 8 * EPS)  # Cauchy and Schwarz
 
 
+@pytest.mark.parametrize("degree", [25, 60, 120])
+def test_norm1_sees_every_change_of_sign(degree: int) -> None:
+    for kernel in (algdiff.Kernel(0, degree, 0, 0, 0.5), algdiff.Kernel(1, degree, 1, 0, 0.8)):
+        s = (np.arange(400_000) + 0.5) / 400_000  # some 3000 points between two zeros
+        assert kernel.norm1 == pytest.approx(float(np.abs(kernel(s)).mean()), rel=1e-4)
+
+
+def test_no_window_of_a_smoother_reduces_bounded_noise() -> None:
+    with pytest.raises(ValueError, match="deriv must be at least 1 for bounded noise"):
+        algdiff.Kernel(0, 2).optimal_duration(0.1, 1.0, bounded=True)
+
+
 # bias
 
 
