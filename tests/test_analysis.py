@@ -204,6 +204,17 @@ def test_half_power(kernel: algdiff.Kernel) -> None:
     assert gain == pytest.approx(math.sqrt(0.5), rel=1e-11)
 
 
+def test_half_power_of_slow_and_of_loud_responses() -> None:
+    # Most of the weight at one end: a long way to half the power, or none at all.
+    # Prediction multiplies the gain, and so the frequency at which it has fallen: beyond the sum over the window.
+    for kernel in (algdiff.Kernel(0, 0, -0.95, -0.2, 0.5), algdiff.Kernel(1, 3, 0, 0, 20.0)):
+        omega = kernel.half_power
+        assert omega is not None
+        assert omega > 60
+        assert float(abs(oracle.low_pass(omega, design_of(kernel)))) == pytest.approx(math.sqrt(0.5), rel=1e-9)
+    assert algdiff.Kernel(0, 0, -0.99, -0.2, 0.5).half_power is None
+
+
 # (n, N, kappa = mu, tau), cutoff, half power: theory section 6
 @pytest.mark.parametrize(
     ("n", "degree", "exponent", "tau", "corner", "half"),
@@ -229,6 +240,12 @@ def test_no_cutoff_where_the_governing_end_vanishes() -> None:
     for kernel in (algdiff.Kernel(1, 4, 1, 2, 0.5), algdiff.Kernel(2, 3, 2, 1, 0.5)):
         assert kernel.cutoff is None
         assert kernel.half_power > 0
+
+
+def test_without_a_cutoff_there_is_no_low_pass_model() -> None:
+    bounds = algdiff.Kernel(1, 4, 1, 2, 0.5).asymptotes([0.5, 5.0, 500.0])
+    assert np.isnan(bounds.low_pass).all()
+    assert np.isfinite(bounds.upper).all()
 
 
 # responses in time
@@ -308,6 +325,18 @@ def test_norm1_of_the_theory(n: int, degree: int, exponent: float, tau: float | 
     assert kernel.norm1 == pytest.approx(np.abs(kernel(s)).mean(), rel=1e-6)
     assert (kernel(s) * np.sign(kernel(s))).mean() <= kernel.norm1 * (1 + 1e-6)  # attained by the sign of the kernel
     assert kernel.norm1**2 <= kernel.norm2 * (1 + 8 * EPS)  # Cauchy and Schwarz
+
+
+@pytest.mark.parametrize("degree", [25, 60, 120])
+def test_norm1_sees_every_change_of_sign(degree: int) -> None:
+    for kernel in (algdiff.Kernel(0, degree, 0, 0, 0.5), algdiff.Kernel(1, degree, 1, 0, 0.8)):
+        s = (np.arange(400_000) + 0.5) / 400_000  # some 3000 points between two zeros
+        assert kernel.norm1 == pytest.approx(float(np.abs(kernel(s)).mean()), rel=1e-4)
+
+
+def test_no_window_of_a_smoother_reduces_bounded_noise() -> None:
+    with pytest.raises(ValueError, match="deriv must be at least 1 for bounded noise"):
+        algdiff.Kernel(0, 2).optimal_duration(0.1, 1.0, bounded=True)
 
 
 # bias

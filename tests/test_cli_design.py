@@ -308,6 +308,15 @@ def test_a_picture_needs_no_display() -> None:
     assert Path("d.png").read_bytes().endswith(b"IEND\xaeB`\x82")
 
 
+def test_one_file_under_two_names_is_still_one(capsys: pytest.CaptureFixture[str], here: Path) -> None:
+    (here / "pictures").mkdir()
+    (here / "link.svg").symlink_to("page.svg")
+    for other in ("pictures/../page.svg", here / "page.svg", "link.svg"):
+        assert run("--window", 21, "--plot", "page.svg", "--c", other) == 2
+        assert "--plot and --c must be different files" in error_line(capsys)
+    assert not (here / "page.svg").exists()
+
+
 @pytest.mark.parametrize("flag", ["--plot", "--c"])
 def test_existing_files_are_kept(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, flag: str

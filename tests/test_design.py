@@ -264,3 +264,21 @@ def test_kernel_is_infinite_only_at_a_singular_end() -> None:
     assert np.isinf(kernel(0.0))
     assert np.isfinite(kernel([1e-9, 1.0])).all()
     assert kernel.norm2 == INF
+
+
+def test_none_changes_nothing_but_the_argument_itself() -> None:
+    ours = algdiff.Differentiator(21, delay=3.0, fs=100.0)
+    assert ours.replace(tau=None) == ours.replace(fs=None) == ours
+
+
+def test_the_degree_may_reach_its_limit_without_a_warning() -> None:
+    algdiff.Differentiator(16, degree=6)
+    with pytest.warns(algdiff.DesignWarning, match="exceeds 1.5 sqrt"):
+        algdiff.Differentiator(16, degree=7)
+
+
+def test_a_warning_is_for_the_caller_even_if_that_is_named_alike() -> None:
+    code = compile("make(16, degree=7)", "theirs.py", "exec")
+    with pytest.warns(algdiff.DesignWarning) as caught:
+        exec(code, {"__name__": "algdiff_tools", "make": algdiff.Differentiator})  # noqa: S102
+    assert [each.filename for each in caught] == ["theirs.py"]

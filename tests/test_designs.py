@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.special
 
 import algdiff
 import reference
@@ -199,6 +200,17 @@ def test_smooth_signals_stay_within_the_bias_bound(ours: algdiff.Differentiator)
     assert worst > 1e-4  # a bound that says something
 
 
+@pytest.mark.parametrize("rule", ["midpoint", "trapezoid"])
+def test_the_bias_bound_covers_a_value_that_no_sample_sees(rule: str) -> None:
+    # 1 at every sample and -1 at the estimate, between two of them: what leaks a constant is wrong about both.
+    ours = design(21, 0, degree=1, kappa=1, mu=1, delay=4.5, rule=rule)
+    assert (ours.exactness, ours.bias_order) == (-1, 0)
+    x = np.cos(2 * np.pi * times(ours) + np.pi)
+    error = abs(float(ours.weights @ x) - math.cos(np.pi))
+    assert error == pytest.approx(2, rel=0.1)
+    assert error <= ours.bias_bound * (1 + 64 * EPS)
+
+
 @on_all_designs
 def test_moment_delay(ours: algdiff.Differentiator) -> None:
     n = ours.deriv
@@ -379,6 +391,152 @@ def test_from_notch_annihilates(exponent: float, deriv: int, order: int) -> None
     assert longer.window_length > algdiff.Differentiator.from_notch(50, deriv, order=order, fs=1000.0).window_length
 
 
+@pytest.mark.parametrize("rule", RULES)
+def test_halves_of_a_step_are_rounded_up(rule: str) -> None:
+    more = int(rule in reference.NODES)
+    for steps in (20, 21):  # the nearest even number would leave one of them below
+        ours = algdiff.Differentiator.from_duration(steps + 0.5, rule=rule)
+        if rule == "simpson":
+            assert ours.window_length == 2 * ((steps + 1) // 2) + 1
+        else:
+            assert ours.window_length == steps + 1 + more
+    if rule == "simpson":  # 21 is as near to 20 as to 22
+        assert algdiff.Differentiator.from_duration(21.0, rule=rule).window_length == 23
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_the_shortest_window_of_every_rule_can_be_wished_for(rule: str) -> None:
+    # degree + 1 samples, which are degree steps on nodes
+    for delta in (1.0, 0.01):
+        least = design(3, degree=2, rule=rule, delta=delta)
+        options: dict[str, Any] = {"degree": 2, "rule": rule, "delta": delta}
+        assert algdiff.Differentiator.from_duration(least.duration, **options) == least
+        assert algdiff.Differentiator.from_delay(least.delay, **options) == least
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", algdiff.DesignWarning)
+            assert algdiff.Differentiator.from_cutoff(least.cutoff, **options) == least
+        if rule != "simpson":
+            with pytest.raises(ValueError, match=r"duration must be at least .*, that of 3 samples"):
+                algdiff.Differentiator.from_duration(0.5 * least.duration, **options)
+
+
+def test_windows_by_cutoff_and_delay_for_simpson_are_odd() -> None:
+    for frequency in (0.011, 0.02, 0.037, 0.05):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", algdiff.DesignWarning)
+            ours = algdiff.Differentiator.from_cutoff(frequency, rule="simpson")
+        others = [design(ours.window_length + more, rule="simpson").cutoff for more in (-2, 2)]
+        assert abs(ours.cutoff - frequency) <= min(abs(other - frequency) for other in others)
+    for delay in (8.1, 8.4, 9.3, 20.25):  # two steps more delay by one sample
+        ours = algdiff.Differentiator.from_delay(delay, rule="simpson")
+        assert abs(ours.delay - delay) <= 0.5
+
+
+def test_wishes_that_need_too_long_a_window_are_refused_by_name() -> None:
+    make = algdiff.Differentiator
+    with pytest.raises(ValueError, match="cutoff must be higher: a window of"):
+        make.from_cutoff(1e-9)
+    with pytest.raises(ValueError, match="delay must be shorter: a window of"):
+        make.from_delay(1e9)
+    with pytest.raises(ValueError, match=r"duration must be at most 1e\+07, that of 10000000 samples"):
+        make.from_duration(1e9)
+    with pytest.raises(ValueError, match="frequency must be higher: a window of"):
+        make.from_notch(1e-9)
+
+
+@pytest.mark.parametrize(("unit", "turn"), [("Hz", 1.0), ("rad/s", 2 * np.pi)])
+def test_a_cutoff_of_the_shortest_window_is_the_highest(unit: str, turn: float) -> None:
+    for delta in (1.0, 0.01):
+        shortest = design(4, delta=delta)
+        highest = shortest.cutoff * turn
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", algdiff.DesignWarning)
+            for wanted in (highest, 1.05 * highest):  # nearer to 4 samples than half a sample
+                assert algdiff.Differentiator.from_cutoff(wanted, unit=unit, delta=delta) == shortest
+        for wanted in (1.2 * highest, 1.8 * highest):
+            with pytest.raises(ValueError, match=f"cutoff must be at most {highest:.6g} {unit}, that of .* 4 samples"):
+                algdiff.Differentiator.from_cutoff(wanted, unit=unit, delta=delta)
+
+
+def test_a_delay_of_the_shortest_window_is_the_least() -> None:
+    for tau, least in (("center", 1.5), (0.25, 2.5), (0.9, -0.1)):
+        if least > 0:
+            shortest = algdiff.Differentiator.from_delay(least, tau=tau)
+            assert (shortest.window_length, shortest.delay) == (4, pytest.approx(least))
+            assert algdiff.Differentiator.from_delay(least - 0.3, tau=tau) == shortest  # nearer than half a sample
+            with pytest.raises(ValueError, match=f"delay must be at least {least}, that of 4 samples"):
+                algdiff.Differentiator.from_delay(least - 0.8 * (2 if tau == 0.25 else 1), tau=tau)
+
+
+@pytest.mark.parametrize("delay", [3.0, 10.0, 20.0])
+def test_a_cutoff_at_a_given_delay_is_the_nearest(delay: float) -> None:
+    for frequency in (0.01, 0.02):
+        ours = algdiff.Differentiator.from_cutoff(frequency, delay=delay)
+        assert ours.delay == pytest.approx(delay)
+        others = [design(ours.window_length + more, delay=delay).cutoff for more in (-1, 1)]
+        assert abs(ours.cutoff - frequency) <= min(abs(other - frequency) for other in others)
+
+
+def test_a_warning_says_that_the_nyquist_frequency_is_hardly_damped() -> None:
+    warned, between = [], 0
+    for length, exponent in itertools.product(range(4, 16), (0.0, 0.5, 1.0, 2.0)):
+        options: dict[str, Any] = {"kappa": exponent, "mu": exponent}
+        wanted = design(length, **options)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", algdiff.DesignWarning)
+            assert algdiff.Differentiator.from_cutoff(wanted.cutoff, **options) == wanted
+        warned.append(any("the Nyquist frequency is damped by" in str(each.message) for each in caught))
+        assert warned[-1] == (wanted.nyquist_attenuation < 10)
+        between += 5 < wanted.nyquist_attenuation < 15
+    assert between > 1
+    assert {True, False} == set(warned)
+
+
+def test_a_response_that_underflows_is_damped_without_end() -> None:
+    ours = design(2001, kappa=300, mu=300)  # at the Nyquist frequency below 1e-600
+    assert ours.nyquist_attenuation == math.inf
+    assert ours.summary()["nyquist_attenuation"] is None
+
+
+def test_a_time_that_is_none_gives_an_output_that_is_none() -> None:
+    ours = design(21)
+    for response in (ours.impulse_response, ours.step_response):
+        assert np.isnan(response([np.nan, 3.0])).tolist() == [True, False]
+
+
+@pytest.mark.parametrize("zero", [63.9, 64.1, 127.8, 128.05])
+def test_notches_count_every_zero_once(zero: float) -> None:
+    # The minimal kernel has the response of a Bessel function of order kappa + 3/2 at omega T / 2. The window is as
+    # long as its zero says, to half a sample: exponents are chosen that put one next to 64 and its multiples.
+    def zeros(exponent: float) -> Array:
+        omega = np.arange(1.0, zero + 15, 0.01)
+        values = scipy.special.jv(exponent + 1.5, omega / 2)
+        return np.asarray(omega[np.flatnonzero(np.diff(np.sign(values)))] + 0.005)
+
+    exponent = min(np.arange(0, 2.2, 0.01), key=lambda k: float(np.abs(zeros(k) - zero).min()))
+    turns = 2 * np.pi * 0.01
+    for order, expected in enumerate(zeros(exponent), start=1):
+        if abs(expected - zero) < 10:
+            ours = algdiff.Differentiator.from_notch(0.01, order=order, degree=1, kappa=exponent, mu=exponent)
+            assert ours.window_length == pytest.approx(expected / turns, abs=0.6)
+
+
+def test_notches_of_designs_that_have_none() -> None:
+    make = algdiff.Differentiator.from_notch
+    for options in ({"kappa": 1, "mu": 2}, {"mu": 0}):
+        with pytest.raises(ValueError, match="kappa and mu must be equal for a notch"):
+            make(50.0, fs=1000.0, **options)
+    for options in ({"tau": "newest"}, {"tau": 0.3}, {"delay": 5e-3}):
+        with pytest.raises(ValueError, match="tau must be 'center' for a notch"):
+            make(50.0, fs=1000.0, **options)
+    assert make(50.0, fs=1000.0, tau=0.5) == make(50.0, fs=1000.0, tau="center") == make(50.0, fs=1000.0)
+    for frequency, unit in ((500.0, "Hz"), (700.0, "Hz"), (1000 * np.pi, "rad/s")):
+        with pytest.raises(ValueError, match="frequency must be below half the sampling rate"):
+            make(frequency, fs=1000.0, unit=unit)
+    with pytest.raises(ValueError, match=r"a window of 3 samples is needed and degree \+ 1 = 4 is the least"):
+        make(499.0, 0, degree=3, kappa=0, mu=0, fs=1000.0)
+
+
 @pytest.mark.parametrize(
     "options", [{"degree": 1}, {"degree": 2, "tau": "root"}, {"kappa": 0, "mu": 0, "tau": 1.0}, {}]
 )
@@ -393,6 +551,22 @@ def test_optimal_window_against_all_windows(deriv: int, options: dict[str, Any])
         best = int(lengths[np.argmin(errors)])
         assert abs(ours.window_length - best) <= 1
         assert kernel.rmse(ours.duration, noise, bound, delta) <= min(errors) * (1 + 1e-3)
+
+
+def test_optimal_windows_of_hardly_any_noise_are_the_shortest() -> None:
+    ours = algdiff.optimal_window(1e-12, derivative_bound=1e9, degree=2)
+    assert ours.window_length == 3
+    curve = algdiff.delay_tradeoff([0.0], 1e-12, bandwidth=0.3, amplitude=1.0, degree=2)
+    assert curve.window_length.tolist() == [3]
+    with pytest.raises(ValueError, match="delay must be left out"):
+        algdiff.optimal_window(0.01, derivative_bound=1.0, delay=0.1)
+
+
+def test_delays_are_not_those_of_the_caller() -> None:
+    delays = np.array([0.0, 3.0])
+    curve = algdiff.delay_tradeoff(delays, 0.01, bandwidth=0.01, amplitude=1.0)
+    delays[:] = 7.0
+    assert curve.delay.tolist() == [0.0, 3.0]
 
 
 def test_optimal_window_from_a_bandwidth() -> None:

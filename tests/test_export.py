@@ -222,3 +222,22 @@ def test_names_that_are_no_strings(name: object) -> None:
 @pytest.mark.parametrize("name", ["d", "Velocity_2", "INT", "integer", "interrupt", "x_"])
 def test_names_that_c_takes(name: str) -> None:
     assert f"static const double {name}_weights[{name.upper()}_LENGTH]" in design(5).to_c(name)
+
+
+def test_an_infinite_noise_gain_is_a_macro_of_c() -> None:
+    ours = design(5, delta=1e-160)
+    with np.errstate(over="ignore"):
+        assert ours.noise_gain == np.inf
+        assert "#define D_NOISE_GAIN HUGE_VAL" in ours.to_c("d")
+
+
+KEYWORDS = (
+    "auto break case char const continue default do double else enum extern float for goto if inline int long register "
+    "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while"
+)
+
+
+@pytest.mark.parametrize("word", KEYWORDS.split())
+def test_keywords_are_no_names(word: str) -> None:
+    with pytest.raises(ValueError, match="no keyword"):
+        design(5).to_c(word)

@@ -677,3 +677,20 @@ def test_every_public_name_is_documented_with_an_example() -> None:
         documentation = inspect.getdoc(getattr(paper, name)) or ""
         for section in ["Parameters", "Returns", "Raises", "Examples", ">>>"]:
             assert section in documentation, f"{name}: {section}"
+
+
+def test_limits_of_the_arguments() -> None:
+    assert paper.lemma1(0, 0, 250, 250) == [(250, 250, 1)]
+    with pytest.raises(ValueError, match=r"N \+ kappa \+ mu must be at most 500, got 501"):
+        paper.lemma1(0, 0, 250, 251)
+    for tau in (1e300, -1e300):  # even where the coefficients do not depend on it
+        with pytest.raises(ValueError, match="tau must be finite and at most"):
+            paper.lambdas(1, 1, 0, 0, tau)
+    for delta in (np.inf, np.nan, 0.0):
+        with pytest.raises(ValueError, match="delta must be finite and positive"):
+            paper.simultaneous([1.0, 2.0, 3.0], 0, 2, delta=delta)
+
+
+def test_no_more_than_all_digits_cancel() -> None:
+    with pytest.warns(algdiff.DesignWarning, match=": 16 of 16 digits may cancel"):
+        paper.combination(np.zeros(90), 0, 80, 0, 0, 0.0)

@@ -121,6 +121,28 @@ def test_what_a_kernel_without_a_cutoff_lacks_is_not_drawn() -> None:
     assert not any(label.startswith("cutoff") for label in labels)
 
 
+def test_the_response_is_drawn_from_far_below_the_cutoff_and_densely() -> None:
+    for each in (design(51, fs=1000), design(400, 2, fs=50), design(2001, 1, delta=0.1)):
+        ax = algdiff.plot_response(each, figures.Figure().subplots())
+        frequency = with_label(ax, "weights").get_xdata()
+        assert ax.get_xlim()[0] == frequency[0] == pytest.approx(0.05 / each.duration)
+        assert frequency[-1] == pytest.approx(0.5 * each.fs)
+        assert np.diff(frequency).max() <= 0.25 / each.duration  # a lobe is 1 / T wide
+
+
+def test_a_step_response_holds_its_value_until_the_next_sample() -> None:
+    each = design(21, fs=100)
+    step = algdiff.plot_design(each, figures.Figure())[1]
+    assert with_label(step, "response").get_drawstyle() == "steps-post"
+
+
+@pytest.mark.parametrize(("count", "dotted"), [(400, True), (401, False)])
+def test_very_many_weights_are_a_line(count: int, dotted: bool) -> None:
+    ax = algdiff.plot_kernel(design(count), figures.Figure().subplots())
+    line = with_label(ax, "weights")
+    assert (line.get_marker() == ".", line.get_linestyle() == "None") == (dotted, dotted)
+
+
 def test_weights_that_are_all_zero_can_be_drawn() -> None:
     each = design(2, 0, degree=0, rule="trapezoid")
     assert not each.weights.any()

@@ -155,6 +155,37 @@ def test_delays_on_both_grids() -> None:
         assert design(21, delay=0.25, delta=0.1, rule=rule).delay == pytest.approx(0.25, abs=1e-14)
 
 
+def test_a_delay_that_is_the_middle_but_for_rounding_is_the_middle() -> None:
+    for length in (7, 13, 15, 29):  # of 0.3 / 0.1 and others the quotient is not whole
+        for delta in (0.1, 0.01, 0.007):
+            ours = design(length, delay=(length - 1) / 2 * delta, delta=delta)
+            assert (ours.tau, ours.delay_samples) == (0.5, (length - 1) / 2)
+            assert ours.weights.tobytes() == design(length, delta=delta).weights.tobytes()
+
+
+def test_delays_beyond_all_windows_are_refused_by_name() -> None:
+    for delay in (1e300, -1e300, np.inf, np.nan):
+        with pytest.raises(ValueError, match="delay must be"):
+            design(21, delay=delay)
+
+
+def test_symmetry_gains_a_degree_that_exactness_counts() -> None:
+    # A fit through all of its samples, and hats, for which a line is a line: the middle is right about one degree more.
+    for ours, degree in ((design(4, degree=3), 4), (design(31, degree=1, rule="hat"), 2)):
+        assert (ours.exactness, ours.bias_order) == (degree, degree)
+        t = np.arange(ours.window_length) - (ours.window_length - 1) / 2
+        bound = 64 * EPS * ours.window_length * ours.norm1 * float(np.abs(t).max()) ** degree
+        for m in range(degree + 1):
+            assert ours.weights @ t**m == pytest.approx(float(m == 1), rel=0, abs=bound)
+
+
+def test_of_two_samples_equally_near_the_newer_one_is_the_estimate_whatever_the_rounding() -> None:
+    for length in (22, 49, 93, 98, 103, 107):
+        for k in range(1, 12):  # tau lies between samples k - 1 and k; k / length * length may fall short of k
+            out = design(length, tau=k / length, kappa=0, mu=0)(np.zeros(length + 5), mode="nan")
+            assert np.flatnonzero(~np.isnan(out))[0] == k
+
+
 # trimming
 
 TRIMMED: list[dict[str, Any]] = [
@@ -225,6 +256,28 @@ def test_no_trim_changes_nothing() -> None:
         assert design(31, kappa=5, mu=5, rule=rule, trim=0.0) == whole
         assert design(31, kappa=5, mu=5, rule=rule, trim=0.0).weights.tobytes() == whole.weights.tobytes()
     assert len(design(31, kappa=5, mu=5).weights) == 31
+
+
+def test_trim_counts_a_share_that_is_just_reached() -> None:
+    mean: dict[str, Any] = {"deriv": 0, "degree": 0, "kappa": 0, "mu": 0}
+    for trim, left in ((0.1249, 8), (0.125, 6), (0.25, 4), (0.26, 4)):  # eighths are exact in binary
+        assert len(design(8, trim=trim, **mean).weights) == left
+
+
+def test_trim_leaves_enough_for_the_fit_or_is_refused() -> None:
+    refused = 0
+    for length, trim in itertools.product(range(7, 12), np.arange(0.05, 0.5, 0.01)):
+        options: dict[str, Any] = {"degree": 4, "kappa": 0, "mu": 0, "tau": 0.3}
+        try:
+            ours = design(length, 0, trim=trim, **options)
+        except ValueError as error:
+            assert str(error).startswith("trim must be so small that more than 4 samples are left")  # noqa: PT017
+            refused += 1
+        else:
+            assert len(ours.weights) >= 5
+    assert 20 < refused < 200
+    with pytest.raises(ValueError, match="trim must be at least 0 and less than 1/2"):
+        design(5, 0, degree=0, trim=0.5)
 
 
 def test_trim_is_part_of_a_design() -> None:
