@@ -50,6 +50,39 @@ def test_refusals_name_the_argument(call: Callable[[], object], name: str) -> No
         call()
 
 
+@pytest.mark.parametrize("delay", [3.0, 20.0, 40.0, 200.0])
+@pytest.mark.parametrize("cutoff", [0.011, 0.02, 0.037])
+@pytest.mark.filterwarnings("ignore::algdiff.DesignWarning")
+def test_cutoffs_at_a_delay_are_met_or_refused(cutoff: float, delay: float) -> None:
+    def miss(length: int) -> float:
+        reached = Differentiator(length, delay=delay).cutoff
+        return np.inf if reached is None else abs(reached - cutoff)
+
+    lengths = range(int(delay) + 4, 2000)
+    if all((Differentiator(length, delay=delay).cutoff or 0) < 0.8 * cutoff for length in lengths):
+        with pytest.raises(ValueError, match="cutoff must be at most"):
+            Differentiator.from_cutoff(cutoff, delay=delay)
+        return
+    found = Differentiator.from_cutoff(cutoff, delay=delay)
+    assert found.delay == delay
+    # Next to the best of all windows, and at least as near as its own neighbours.
+    assert miss(found.window_length) <= min(miss(found.window_length + step) for step in (-1, 1))
+    assert miss(found.window_length) <= 2 * min(map(miss, lengths)) + 0.5 * cutoff / found.window_length
+
+
+def test_short_durations_are_refused_under_every_rule() -> None:
+    for rule in ("exact", "trapezoid", "midpoint", "simpson", "cell", "hat"):
+        for degree in (1, 2, 3):
+            with pytest.raises(ValueError, match="duration must be at least"):
+                Differentiator.from_duration(1e-9, degree=degree, rule=rule)
+
+
+def test_complex_windows_keep_double_precision() -> None:
+    y = np.array([1.0, 1.0 + 1e-12, 1.0]) * (1 + 1j)
+    real = algdiff.paper.minimal(y.real, 0, 0, 0, 1.0)
+    assert algdiff.paper.minimal(y, 0, 0, 0, 1.0) == real * (1 + 1j)
+
+
 class Quantity:
     """An array with a unit, as pint has them."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from bisect import bisect_left
 from typing import TYPE_CHECKING, Any, NamedTuple, SupportsIndex
 
 import numpy as np
@@ -48,6 +49,15 @@ class _Wish:
         # Nodes lie at both ends: one sample spans no time.
         self.least = self.length(max(self.degree, 1) if self.on_nodes else self.degree + 1)
 
+    @property
+    def delay(self) -> float:
+        """The delay that is asked for, in samples; 0 if none is."""
+        delay = self.rest.get("delay")
+        samples = 0.0 if delay is None else arguments.real("delay", delay) / self.delta
+        if not samples < arguments.MAX_WINDOW:
+            raise ValueError(f"delay must be less than {arguments.MAX_WINDOW} samples, got {delay}")
+        return samples
+
     def untrimmed(self) -> _Wish:
         """Return this wish if it is for a whole window."""
         trim = arguments.real("trim", self.rest.get("trim", 0.0))
@@ -61,7 +71,7 @@ class _Wish:
     def length(self, steps: float) -> int:
         """Return the window length whose duration is nearest to `steps` sampling steps."""
         if self.rest.get("rule") == "simpson":
-            return 2 * max(math.floor(steps / 2 + 0.5), 1) + 1
+            return 2 * math.floor(steps / 2 + 0.5) + 1
         return math.floor(steps + 0.5) + self.on_nodes
 
     def steps(self, window_length: int) -> int:
@@ -109,37 +119,7 @@ def from_cutoff(
     wish = _Wish(deriv, design).untrimmed()
     wanted = _angular("cutoff", cutoff, unit) * wish.delta
 
-    def reached(window_length: int) -> float:
-        kernel = wish.kernel(window_length)
-        if kernel.cutoff is None:
-            raise ValueError(
-                f"kappa, mu and tau must give a kernel with a cutoff: that of kappa = {kernel.kappa}, mu = {kernel.mu} "
-                f"at tau = {kernel.tau} vanishes at the end that governs"
-            )
-        return kernel.cutoff / wish.steps(window_length)
-
-    def too_high() -> ValueError:
-        factor = 2 * math.pi if unit == "Hz" else 1.0
-        highest = reached(wish.least) / wish.delta / factor
-        return ValueError(
-            f"cutoff must be at most {highest:.6g} {unit}, that of a window of {wish.least} samples, got {cutoff}"
-        )
-
-    # `tau` in the words of samples or of a delay depends on the window: a fixed point, from the side of long windows.
-    length = wish.least
-    for _ in range(60):
-        if reached(length) * wish.steps(length) > arguments.MAX_WINDOW * wanted:
-            raise ValueError(
-                f"cutoff must be higher: {arguments.MAX_WINDOW} samples are not enough for it, got {cutoff}"
-            )
-        steps = reached(length) * wish.steps(length) / wanted
-        following = max(wish.length(steps), wish.least)
-        if following == length:
-            break
-        length = following
-    length = wish.nearest(length, lambda n: abs(reached(n) - wanted))
-    if length == wish.least and reached(length) < wanted * (1 - 0.5 / wish.steps(length)):
-        raise too_high()
+    length = _longest(wish, wanted, f"{cutoff} {unit}")
     found = wish.design(cls, length)
     damped = found.nyquist_attenuation
     if damped is not None and damped < LEAST_ATTENUATION:
@@ -150,6 +130,48 @@ def from_cutoff(
             stacklevel=outside(),
         )
     return found
+
+
+def _longest(wish: _Wish, wanted: float, got: str) -> int:
+    """Return the length of the longest window whose cutoff, in radians per sample, is nearest to `wanted`."""
+
+    def reached(window_length: int) -> float:
+        cutoff = wish.kernel(window_length).cutoff
+        return math.nan if cutoff is None else cutoff / wish.steps(window_length)
+
+    def miss(window_length: int) -> float:
+        distance = abs(reached(window_length) - wanted)
+        return math.inf if math.isnan(distance) else distance
+
+    # With a delay, or at the newest sample, `tau` and so the cutoff depend on the window in no simple way, except that
+    # long windows have low cutoffs: the longest that still reaches this one, and no shorter than the delay.
+    first = max(wish.steps(wish.least), math.ceil(wish.delay))
+    ladder = np.unique(np.geomspace(first, arguments.MAX_WINDOW - 2, 500).astype(int)).tolist()
+    cutoffs = np.array([reached(wish.length(steps)) for steps in ladder])
+    if np.isnan(cutoffs).all():
+        kernel = wish.kernel(wish.least)
+        raise ValueError(
+            f"kappa, mu and tau must give a kernel with a cutoff: that of kappa = {kernel.kappa}, mu = {kernel.mu} "
+            f"at tau = {kernel.tau} vanishes at the end that governs"
+        )
+    if cutoffs[-1] >= wanted:
+        raise ValueError(f"cutoff must be higher: {arguments.MAX_WINDOW} samples are not enough for it, got {got}")
+    high_enough = np.flatnonzero(cutoffs >= wanted)
+    if high_enough.size:
+        steps = bisect_left(
+            range(ladder[high_enough[-1]], ladder[high_enough[-1] + 1]),
+            True,
+            key=lambda n: reached(wish.length(n)) < wanted,
+        )
+        length = wish.nearest(wish.length(ladder[high_enough[-1]] + steps), miss)
+    else:
+        length = wish.length(ladder[int(np.nanargmax(cutoffs))])
+        if reached(length) < wanted * (1 - 0.5 / wish.steps(length)):
+            raise ValueError(
+                f"cutoff must be at most {reached(length) / wish.delta / (2 * math.pi):.6g} Hz, that of a window of "
+                f"{length} samples, got {got}"
+            )
+    return length
 
 
 def from_duration(
