@@ -66,7 +66,7 @@ def differentiate(
     out : ndarray, optional
         Where the result goes.
     threads : int, optional
-        At most this many threads.
+        At most this many threads, and four for every processor.
 
     Returns
     -------

@@ -227,8 +227,8 @@ class Differentiator(Filter):
         out : ndarray, optional
             Where the result goes: of its shape and dtype, not overlapping `x`.
         threads : int, optional
-            At most this many threads; by default ``ALGDIFF_NUM_THREADS`` or the processors of the process. The
-            result is the same to the bit.
+            At most this many threads, and four for every processor; by default ``ALGDIFF_NUM_THREADS`` or the
+            processors of the process. The result is the same to the bit.
         progress : callable, optional
             Called now and then with the fraction that is done.
 

@@ -110,11 +110,15 @@ impl Job<'_> {
 
     fn threads_for(&self, work: usize) -> usize {
         let useful = (work / TASK).max(1);
+        // Asking the system takes longer than a short call.
+        if useful == 1 || self.threads == 1 {
+            return 1;
+        }
+        let processors = thread::available_parallelism().map_or(1, usize::from);
         match self.threads {
-            // Asking the system takes longer than a short call.
-            0 if useful > 1 => thread::available_parallelism().map_or(1, usize::from).min(useful),
-            0 => 1,
-            threads => threads.min(useful),
+            0 => processors.min(useful),
+            // Many more than there are processors gain nothing, and starting them may exhaust memory where libc aborts.
+            threads => threads.min(4 * processors).min(useful),
         }
     }
 }
