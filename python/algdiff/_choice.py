@@ -28,11 +28,10 @@ LEAST_ATTENUATION = 10.0
 class _Wish:
     """The arguments of a design whose window length is yet to be found."""
 
-    def __init__(self, deriv: SupportsIndex, design: dict[str, Any], **given: Any) -> None:
-        for name in ("window_length", *(name for name in given if name in design)):
-            if name in design:
-                raise TypeError(f"{name} follows from what is asked for: it cannot be given as well")
-        values: dict[str, Any] = {**design, **given}
+    def __init__(self, deriv: SupportsIndex, design: dict[str, Any]) -> None:
+        if "window_length" in design:
+            raise TypeError("window_length follows from what is asked for: it cannot be given as well")
+        values = dict(design)
         self.deriv = arguments.integer("deriv", deriv, 0)
         self.delta = arguments.sampling_step(values.pop("delta", None), values.pop("fs", None))
         if not (math.isfinite(self.delta) and self.delta > 0):
@@ -46,6 +45,9 @@ class _Wish:
         self.degree = self.deriv + 2 if degree is None else arguments.integer("degree", degree, 0)
         self.kappa, self.mu = (arguments.real(name, values.get(name, 1.0)) for name in ("kappa", "mu"))
         self.on_nodes = values.get("rule") in NODES
+        self.spacing = 2 if values.get("rule") == "simpson" else 1
+        # On cells the newest end of the window lies half a sample after the newest sample.
+        self.cell = 0.0 if self.on_nodes else 0.5
         # Nodes lie at both ends: one sample spans no time.
         self.least = self.length(max(self.degree, 1) if self.on_nodes else self.degree + 1)
 
@@ -70,9 +72,7 @@ class _Wish:
 
     def length(self, steps: float) -> int:
         """Return the window length whose duration is nearest to `steps` sampling steps."""
-        if self.rest.get("rule") == "simpson":
-            return 2 * math.floor(steps / 2 + 0.5) + 1
-        return math.floor(steps + 0.5) + self.on_nodes
+        return self.spacing * math.floor(steps / self.spacing + 0.5) + self.on_nodes
 
     def steps(self, window_length: int) -> int:
         """Return the duration of a window in sampling steps."""
@@ -80,18 +80,14 @@ class _Wish:
 
     def kernel(self, window_length: int) -> Kernel:
         """Return the continuous kernel of a window."""
-        tau, delay = self.rest.get("tau"), self.rest.get("delay")
-        cell = 0.0 if self.on_nodes else 0.5
-        if delay is not None:
-            tau = 1 - (arguments.real("delay", delay) / self.delta + cell) / self.steps(window_length)
-        elif tau == "newest":
-            tau = 1 - cell / self.steps(window_length)
+        tau = self.rest.get("tau")
+        if self.rest.get("delay") is not None or tau == "newest":
+            tau = 1 - (self.delay + self.cell) / self.steps(window_length)
         return Kernel(self.deriv, self.degree, self.kappa, self.mu, "center" if tau is None else tau)
 
     def nearest(self, start: int, miss: Callable[[int], float]) -> int:
         """Return the window length, `start` or near it, that misses least."""
-        step = 2 if self.rest.get("rule") == "simpson" else 1
-        near = (start + step * k for k in (0, -1, 1, -2, 2, -3, 3))
+        near = (start + self.spacing * k for k in (0, -1, 1, -2, 2, -3, 3))
         return min((n for n in near if n >= self.least), key=miss)
 
     def design(self, cls: type[Differentiator], window_length: int, **changes: Any) -> Differentiator:
@@ -194,22 +190,21 @@ def from_delay(
     """Return the design of `Differentiator.from_delay`."""
     if isinstance(tau, str) and tau == "newest":
         raise ValueError("tau must be a point before the newest sample, got 'newest', whose delay is always 0")
-    wish = _Wish(deriv, design, tau=tau).untrimmed()
+    wish = _Wish(deriv, {**design, "tau": tau}).untrimmed()
     samples = _positive("delay", delay) / wish.delta
     rest = 1 - wish.kernel(wish.least).tau
     if rest <= 0:
         raise ValueError(f"tau must be less than 1 for a delay, got {tau!r}")
-    cell = 0.0 if wish.on_nodes else 0.5
-    steps = (samples + cell) / rest
+    steps = (samples + wish.cell) / rest
     if steps > arguments.MAX_WINDOW:
         raise ValueError(f"delay must be shorter: a window of {steps:.3g} samples is needed, got {delay}")
 
     def miss(window_length: int) -> float:
-        return abs(wish.steps(window_length) * rest - cell - samples)
+        return abs(wish.steps(window_length) * rest - wish.cell - samples)
 
     length = wish.nearest(max(wish.length(steps), wish.least), miss)
-    if length == wish.least and wish.steps(length) * rest - cell > samples + max(rest, 0.5):
-        least = (wish.steps(length) * rest - cell) * wish.delta
+    if length == wish.least and wish.steps(length) * rest - wish.cell > samples + max(rest, 0.5):
+        least = (wish.steps(length) * rest - wish.cell) * wish.delta
         raise ValueError(f"delay must be at least {least:.6g}, that of {wish.least} samples at this tau, got {delay}")
     return wish.design(cls, length)
 
@@ -265,8 +260,8 @@ def from_notch(
 def _zero(kernel: Kernel, number: int) -> float:
     """Return the zero of the response of a symmetric kernel, as omega T, by its number."""
 
-    def real(omega: NDArray[Any]) -> NDArray[np.float64]:
-        return np.asarray((kernel.frequency_response(omega) / 1j**kernel.deriv).real)
+    def real(omega: Any) -> Any:
+        return (kernel.frequency_response(omega) / 1j**kernel.deriv).real
 
     found, start, step = 0, 0.0, 0.25
     while True:
@@ -275,13 +270,8 @@ def _zero(kernel: Kernel, number: int) -> float:
         changes = np.flatnonzero(positive[1:] != positive[:-1])
         if found + changes.size >= number:
             low = float(omega[changes[number - found - 1]])
-            break
+            return _bisect(real, low, low + step)
         found, start = found + changes.size, float(omega[-2])
-    for _ in range(9):
-        fine = low + step * np.linspace(0, 1, 65)
-        positive = real(fine) > 0
-        low, step = float(fine[np.argmax(positive != positive[0]) - 1]), step / 64
-    return low + step / 2
 
 
 def _root(left: Callable[[float], float], start: float) -> float | None:
@@ -453,8 +443,7 @@ def delay_tradeoff(
         raise ValueError(f"delays must be finite, got {flat[~np.isfinite(flat)][0]}")
     noise_level, amplitude = _positive("noise_level", noise_level), _positive("amplitude", amplitude)
     signal = (noise_level, amplitude, _positive("bandwidth", bandwidth), wish.delta)
-    # On cells the newest end of the window lies half a sample after the newest sample.
-    ends = (flat + 0.5 * wish.delta).tolist()
+    ends = (flat + wish.cell * wish.delta).tolist()
     best = _core.delay_tradeoff(ends, wish.deriv, wish.degree, wish.kappa, wish.mu, *signal)
     rmse, durations = np.array(best, np.float64).reshape(-1, 2).T.copy()
     lengths = np.maximum(np.floor(durations / wish.delta + 0.5), wish.degree + 1).astype(np.intp)

@@ -204,12 +204,12 @@ class Filter:
     @property
     def bias_order(self) -> int:
         """How many orders beyond `deriv` the derivative lies that the leading error follows."""
-        return self._plan.bias()[0] - self.deriv
+        return self.exactness + 1 - self.deriv
 
     @property
     def bias_constant(self) -> float:
         """Factor of the leading error."""
-        return self._plan.bias()[1]
+        return self._plan.bias_constant()
 
     @property
     def bias_bound(self) -> float:

@@ -116,6 +116,10 @@ impl Design {
         self.rule.grid().position(tau, self.window_length) - kept.start as f64
     }
 
+    pub(crate) fn tau(&self, position: f64, kept: &Range<usize>) -> f64 {
+        self.rule.grid().tau(position + kept.start as f64, self.window_length)
+    }
+
     pub(crate) fn keeps_constants(&self) -> bool {
         self.rule.keeps_constants() && (self.rule == Rule::Exact || self.trim == 0.0)
     }

@@ -98,12 +98,17 @@ impl Plan {
         uniform.chain((1..=sparse as usize).map(move |index| first * (octaves * (index as f64 / sparse)).exp2()))
     }
 
-    /// `m` and `c` of the leading error `c x^(m)` of the estimate; `m` is the first degree that is not reproduced.
+    /// The first degree that is not reproduced.
+    fn first_missed(&self) -> usize {
+        self.exactness().map_or(0, |exactness| exactness + 1)
+    }
+
+    /// `c` of the leading error `c x^(m)` of the estimate, with `m` the first degree that is not reproduced.
     ///
     /// With the monic `pi_m = p_m B_1 ... B_m` the error on `pi_m` is the one on `t^m`, since lower degrees are reproduced,
     /// and `pi_m^(m) = m!`.
-    pub fn bias(&self, control: &impl Control) -> Result<(usize, f64), Error> {
-        let order = self.exactness().map_or(0, |exactness| exactness + 1);
+    pub fn bias_constant(&self, control: &impl Control) -> Result<f64, Error> {
+        let order = self.first_missed();
         let deriv = self.design().deriv;
         let family = self.kernel().family();
         let recurrence = family.recurrence(order);
@@ -117,16 +122,16 @@ impl Plan {
         let wanted = family.derivatives(order, deriv, self.kernel().tau()).last().copied().unwrap_or(0.0) * self.unit();
         let monic_over_factorial: f64 =
             recurrence.off_diagonal().iter().enumerate().map(|(k, b)| b / (k + 1) as f64 * self.duration()).product();
-        Ok((order, (sum - wanted) * monic_over_factorial))
+        Ok((sum - wanted) * monic_over_factorial)
     }
 
-    /// `B` in `|error| <= B sup |x^(m)|` with `m` as in [`Plan::bias`], the supremum taken over the window and the estimate.
+    /// `B` in `|error| <= B sup |x^(m)|` with `m` as in [`Plan::bias_constant`], the supremum taken over the window and the estimate.
     ///
     /// By Taylor's theorem at the estimate B is at most `sum |w_j| |t_j - t|^m / m!`. The derivative of a fitted polynomial of
     /// degree m - 1 moreover meets that of the signal at p = m - deriv points of the window, so that the error is
     /// `x^(m) / p!` times p distances. Infinite where a derivative below `deriv` leaks.
     pub fn bias_bound(&self) -> f64 {
-        let order = self.exactness().map_or(0, |exactness| exactness + 1);
+        let order = self.first_missed();
         let deriv = self.design().deriv;
         if order < deriv {
             return f64::INFINITY;

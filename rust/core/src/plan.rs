@@ -63,7 +63,7 @@ impl Plan {
             // By symmetry the middle gains its degree also where the window is too short for the larger fit.
             Rule::Exact if symmetric => Some(kernel.exactness()),
             Rule::Exact => Some(fit_degree),
-            _ => measured_exactness(&kernel, |j| design.rule.grid().tau(j, design.window_length), kept.start, &weights),
+            _ => measured_exactness(&kernel, |j| design.tau(j, &kept), &weights),
         };
         weights.iter_mut().for_each(|w| *w *= unit);
         if !weights.iter().all(|w| w.is_finite()) {
@@ -129,7 +129,7 @@ impl Plan {
     /// `tau` at `position`, in samples from the oldest that has a weight.
     #[must_use]
     pub fn tau_at(&self, position: f64) -> f64 {
-        self.design.rule.grid().tau(position + self.kept.start as f64, self.design.window_length)
+        self.design.tau(position, &self.kept)
     }
 
     /// Samples from the estimate to the newest sample.
@@ -254,11 +254,11 @@ fn make_symmetric(weights: &mut [f64], deriv: usize) {
 }
 
 /// The degree, at most the kernel's own, up to which the moments are met to 1e-10 of the largest.
-fn measured_exactness(kernel: &Kernel, tau: impl Fn(f64) -> f64, first: usize, weights: &[f64]) -> Option<usize> {
+fn measured_exactness(kernel: &Kernel, tau: impl Fn(f64) -> f64, weights: &[f64]) -> Option<usize> {
     let mut missing = kernel.moments(kernel.exactness());
     let scale = missing.iter().fold(0.0, |peak: f64, d| peak.max(d.abs()));
     let recurrence = kernel.family().recurrence(kernel.exactness());
-    for (j, weight) in (first..).zip(weights) {
+    for (j, weight) in weights.iter().enumerate() {
         missing.iter_mut().zip(recurrence.values(tau(j as f64))).for_each(|(rest, value)| *rest -= weight * value);
     }
     missing.iter().take_while(|rest| rest.abs() <= 1e-10 * scale).count().checked_sub(1)

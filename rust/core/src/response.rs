@@ -39,15 +39,15 @@ impl Response {
     /// Prepares frequencies up to `largest` in size.
     #[must_use]
     pub fn new(kernel: &Kernel, largest: f64) -> Self {
-        let still = Self::on_nodes(kernel, 0.0);
+        let still = Self::on_nodes(kernel, 0.0, Ends::new(kernel));
         let mut switch = still.ends.least;
         while switch < largest && still.ends.at(switch, 0.0).1 > still.size(switch) {
             switch *= 1.25;
         }
-        Self { switch, ..Self::on_nodes(kernel, largest.min(switch)) }
+        Self { switch, ..Self::on_nodes(kernel, largest.min(switch), still.ends) }
     }
 
-    fn on_nodes(kernel: &Kernel, largest: f64) -> Self {
+    fn on_nodes(kernel: &Kernel, largest: f64, ends: Ends) -> Self {
         let (deriv, degree) = (kernel.deriv(), kernel.degree());
         let (family, raised) = (kernel.family(), kernel.family().raised(deriv));
         let (whole, rest) = (family.recurrence(degree), raised.recurrence(degree - deriv));
@@ -63,7 +63,7 @@ impl Response {
             high_size: size(&high),
             low,
             high,
-            ends: Ends::new(kernel),
+            ends,
             switch: f64::INFINITY,
         }
     }
@@ -311,7 +311,7 @@ mod tests {
         ] {
             let kernel = Kernel::new(deriv, degree, kappa, mu, Tau::At(tau), 1.0).expect("valid");
             let response = Response::new(&kernel, 1e4);
-            let plain = Response::on_nodes(&kernel, 4.0 * response.switch);
+            let plain = Response::on_nodes(&kernel, 4.0 * response.switch, Ends::new(&kernel));
             for factor in [1.0, 1.7, 4.0] {
                 let omega = factor * response.switch;
                 let ((bent, size), straight) = (response.ends.at(omega, tau), plain.at(omega, tau));

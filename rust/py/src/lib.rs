@@ -314,8 +314,8 @@ impl Plan {
         enter(py, None, |control| self.0.discretisation_error(frequency, control))
     }
 
-    fn bias(&self, py: Python<'_>) -> PyResult<(usize, f64)> {
-        enter(py, None, |control| self.0.bias(control))
+    fn bias_constant(&self, py: Python<'_>) -> PyResult<f64> {
+        enter(py, None, |control| self.0.bias_constant(control))
     }
 
     #[getter]

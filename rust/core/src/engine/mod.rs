@@ -67,8 +67,9 @@ impl Taps {
     pub fn response(&self, turns: f64, position: f64) -> Complex<f64> {
         let power = |k: f64| Complex::from_polar(1.0, TAU * (turns * (k - position)).fract());
         // exp(2 pi i turns k) by blocks: one product for every tap, and the errors of 64 of them.
-        let step: Vec<Complex<f64>> =
-            (0..64).map(|k| Complex::from_polar(1.0, TAU * (turns * f64::from(k)).fract())).collect();
+        let step: Vec<Complex<f64>> = (0..self.double.len().clamp(1, 64))
+            .map(|k| Complex::from_polar(1.0, TAU * (turns * k as f64).fract()))
+            .collect();
         let sum: Complex<f64> = self
             .double
             .chunks(step.len())
