@@ -4,7 +4,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["InternalError", "Kernel", "Plan", "Simultaneous", "delay_tradeoff", "lambdas"]
+__all__ = ["Bank", "InternalError", "Kernel", "Plan", "Simultaneous", "delay_tradeoff", "lambdas"]
 
 class InternalError(RuntimeError): ...
 
@@ -76,6 +76,11 @@ class Plan:
     def discretisation_error(self, frequency: float) -> float: ...
     def frequency_response(self, frequency: NDArray[np.float64], out: NDArray[np.complex128]) -> None: ...
     def weights(self, out: NDArray[np.float64]) -> None: ...
+
+@final
+class Bank:
+    def __new__(cls, plans: list[Plan], engine: str = "auto") -> Bank: ...
+    def engine(self, single: bool) -> str: ...
     def run(
         self,
         x: NDArray[np.float64] | NDArray[np.float32],

@@ -14,7 +14,7 @@ from algdiff import _choice as choice
 from algdiff import _export as export
 from algdiff import _report as report
 from algdiff._arguments import Samples
-from algdiff._core import Plan
+from algdiff._core import Bank, Plan
 from algdiff._filter import Filter
 from algdiff._run import Progress, run
 from algdiff._warnings import DesignWarning, outside
@@ -190,7 +190,7 @@ class Differentiator(Filter):
         for name, value in {**values, "tau": plan.tau}.items():
             object.__setattr__(self, name, value)
         # A view of a read-only array cannot be made writeable again.
-        for name, value in {"_plan": plan, "_weights": weights.view(), "_asked": asked}.items():
+        for name, value in {"_plan": plan, "_bank": Bank([plan]), "_weights": weights.view(), "_asked": asked}.items():
             object.__setattr__(self, name, value)
 
     def __call__(
@@ -249,7 +249,7 @@ class Differentiator(Filter):
             The result does not fit into memory.
         """
         options: dict[str, Any] = {"mode": mode, "cval": cval, "out": out, "threads": threads, "progress": progress}
-        return run(self._plan, self._plan.span, x, axis=axis, **options)
+        return run(self._bank, self._plan.span, x, axis=axis, **options)
 
     @classmethod
     def from_cutoff(cls, cutoff: float, deriv: SupportsIndex = 1, *, unit: str = "Hz", **design: Any) -> Differentiator:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from algdiff import _arguments as arguments
-from algdiff._core import Plan
+from algdiff._core import Bank, Plan
 from algdiff._kernel import Asymptotes, Kernel
 
 
@@ -18,6 +18,7 @@ class Filter:
 
     __slots__ = (
         "_asked",
+        "_bank",
         "_plan",
         "_weights",
         "degree",
@@ -32,6 +33,7 @@ class Filter:
     )
 
     _asked: dict[str, Any]
+    _bank: Bank
     _plan: Plan
     _weights: NDArray[np.float64]
     window_length: int

@@ -1,4 +1,4 @@
-"""One call of a plan: axis, dtype, layout and memory on this side, samples on the other."""
+"""One call of a bank: axis, dtype, layout and memory on this side, samples on the other."""
 
 import math
 from collections.abc import Callable
@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from algdiff import _arguments as arguments
 from algdiff._arguments import Samples
-from algdiff._core import Plan
+from algdiff._core import Bank
 
 MODES = ("fit", "valid", "nan", "nearest", "mirror", "wrap", "constant")
 
@@ -17,7 +17,7 @@ Progress = Callable[[float], object]
 
 
 def run(
-    plan: Plan,
+    bank: Bank,
     window_length: int,
     x: ArrayLike,
     *,
@@ -29,7 +29,7 @@ def run(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Samples:
-    """Apply `plan` along `axis` of `x`; complex data are two real passes."""
+    """Apply `bank` along `axis` of `x`; complex data are two real passes."""
     given = x
     x = arguments.samples("x", x)
     axis = arguments.axis_index(axis, x.ndim)
@@ -45,19 +45,19 @@ def run(
     }
     if x.dtype.kind == "c":
         cval = arguments.number("cval", cval)
-        result.real = _pass(plan, x.real, result.shape, layout, mode, cval.real, options)
-        result.imag = _pass(plan, x.imag, result.shape, layout, mode, cval.imag, options)
+        result.real = _pass(bank, x.real, result.shape, layout, mode, cval.real, options)
+        result.imag = _pass(bank, x.imag, result.shape, layout, mode, cval.imag, options)
         return result
     cval = arguments.real("cval", cval)
     if result.flags.c_contiguous and result.flags.aligned:
-        plan.run(arguments.contiguous(x), result.reshape(-1), layout, mode, cval, **options)
+        bank.run(arguments.contiguous(x), result.reshape(-1), layout, mode, cval, **options)
     else:
-        result[...] = _pass(plan, x, result.shape, layout, mode, cval, options)
+        result[...] = _pass(bank, x, result.shape, layout, mode, cval, options)
     return result
 
 
 def _pass(
-    plan: Plan,
+    bank: Bank,
     x: Samples,
     shape: tuple[int, ...],
     layout: tuple[int, int, int],
@@ -66,5 +66,5 @@ def _pass(
     options: dict[str, Any],
 ) -> Samples:
     result = np.empty(shape, x.dtype)
-    plan.run(arguments.contiguous(x), result.reshape(-1), layout, mode, cval, **options)
+    bank.run(arguments.contiguous(x), result.reshape(-1), layout, mode, cval, **options)
     return result

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from algdiff import _arguments as arguments
 from algdiff._arguments import Samples
-from algdiff._core import Plan
+from algdiff._core import Bank, Plan
 from algdiff._run import run
 
 _MODES = {mode: mode for mode in ("mirror", "nearest", "constant", "wrap")} | {"interp": "fit"}
@@ -82,7 +82,7 @@ def savgol_filter(
         )
     plan = _plan(length, degree, min(order, degree), step, (length - 1) / 2)
     even = length % 2 == 0
-    result = run(plan, length, x, axis=axis, mode=_MODES[mode], cval=cval, half_sample=even, threads=threads)
+    result = run(Bank([plan]), length, x, axis=axis, mode=_MODES[mode], cval=cval, half_sample=even, threads=threads)
     if order > degree:
         result *= 0
     elif step < 0 and order % 2:

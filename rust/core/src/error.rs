@@ -64,3 +64,11 @@ pub fn try_vec<T: Clone>(len: usize, value: T) -> Result<Vec<T>, Error> {
     vec.resize(len, value);
     Ok(vec)
 }
+
+/// Makes `buffer` hold `len` default values, in the memory that it has if that is enough.
+pub fn resize<T: Clone + Default>(buffer: &mut Vec<T>, len: usize) -> Result<(), Error> {
+    buffer.clear();
+    buffer.try_reserve(len).map_err(|_| Error::Memory { bytes: len.saturating_mul(size_of::<T>()) })?;
+    buffer.resize(len, T::default());
+    Ok(())
+}

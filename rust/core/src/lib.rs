@@ -24,12 +24,14 @@
 //! let plan = Plan::new(&design, &Unattended)?;
 //! let x: Vec<f64> = (0..20).map(|i| (0.1 * f64::from(i)).powi(2)).collect();
 //! let mut slope = vec![0.0; 20];
-//! Job { plan: &plan, mode: Mode::Fit, alignment: Alignment::Sample, layout: Layout::row(20), threads: 1 }.run(&x, &mut slope, &Unattended)?;
+//! let bank = Bank::new(vec![Arc::new(plan)], None)?;
+//! Job { bank: &bank, mode: Mode::Fit, alignment: Alignment::Sample, layout: Layout::row(20), threads: 1 }.run(&x, &mut slope, &Unattended)?;
 //! assert!((slope[7] - 2.0 * 0.7).abs() < 1e-12);
 //! # Ok::<(), algdiff_core::error::Error>(())
 //! ```
 
 pub mod analysis;
+pub mod bank;
 pub mod control;
 pub mod design;
 pub mod ends;

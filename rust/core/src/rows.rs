@@ -4,9 +4,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::control::Unattended;
 use crate::ends::Mode;
-use crate::engine::direct::{self, Scratch};
-use crate::engine::{Sample, Taps};
-use crate::error::{Error, try_vec};
+use crate::engine::{Runner, Sample, Scratch};
+use crate::error::{Error, resize, try_vec};
 use crate::fit::Fit;
 use crate::plan::Plan;
 
@@ -56,11 +55,11 @@ impl Layout {
 
 /// What every thread of a run needs to know.
 #[derive(Debug, Clone, Copy)]
-pub struct Rows<'a> {
+pub struct Rows<'a, T: Sample> {
     /// The design.
     pub plan: &'a Plan,
-    /// Taps of the interior.
-    pub taps: &'a Taps,
+    /// The engine of the interior.
+    pub runner: &'a Runner<T>,
     /// The fit that estimates the ends, for [`Mode::Fit`].
     pub fit: Option<&'a Fit>,
     /// How the ends are treated.
@@ -73,7 +72,7 @@ pub struct Rows<'a> {
     pub layout: Layout,
 }
 
-impl Rows<'_> {
+impl<T: Sample> Rows<'_, T> {
     /// Outputs of one row.
     #[must_use]
     pub fn outputs(&self) -> usize {
@@ -103,8 +102,8 @@ impl<T: Copy> Row<'_, T> {
 }
 
 /// A thread's own memory, and the signal to stop.
-pub struct Worker<'a, T> {
-    rows: Rows<'a>,
+pub struct Worker<'a, T: Sample> {
+    rows: Rows<'a, T>,
     stop: &'a AtomicBool,
     scratch: Scratch<T>,
     gathered: Vec<T>,
@@ -116,9 +115,9 @@ pub struct Worker<'a, T> {
 
 impl<'a, T: Sample> Worker<'a, T> {
     /// Memory for one thread.
-    pub fn new(rows: Rows<'a>, stop: &'a AtomicBool) -> Result<Self, Error> {
-        let scratch = Scratch::new(rows.taps)?;
-        Ok(Self { rows, stop, scratch, gathered: Vec::new(), results: Vec::new(), window: Vec::new(), fitted: None })
+    pub fn new(rows: Rows<'a, T>, stop: &'a AtomicBool) -> Self {
+        let scratch = Scratch::default();
+        Self { rows, stop, scratch, gathered: Vec::new(), results: Vec::new(), window: Vec::new(), fitted: None }
     }
 
     /// Outputs `start..` of the matrix `x` of `(samples, inner)`, as many as `out` of `(outputs, inner)` holds.
@@ -132,10 +131,10 @@ impl<'a, T: Sample> Worker<'a, T> {
             self.end(row, first + body.len(), tail, between)?;
             // Where there is no interior, its window may start beyond the data.
             let window = if body.is_empty() { 0 } else { self.window_start(first) };
-            return self.interior(&x[window..], body, between);
+            return self.interior(x, window, 0, body, between);
         }
         let end = start + out.len() / inner;
-        let group = (GATHERED / (end - start + self.rows.taps.span())).clamp(1, COLUMN_BYTES / size_of::<T>());
+        let group = (GATHERED / (end - start + self.rows.runner.span())).clamp(1, COLUMN_BYTES / size_of::<T>());
         for column in (0..inner).step_by(group) {
             self.columns(x, (start, end), column, group.min(inner - column), out, between)?;
             between();
@@ -167,7 +166,8 @@ impl<'a, T: Sample> Worker<'a, T> {
             let row = Row { x, step: inner, first: column + offset };
             self.end(row, start, head, between)?;
             self.end(row, end - tail.len(), tail, between)?;
-            self.interior(&gathered[offset * samples..(offset + 1) * samples], body, between)?;
+            let origin = (start + head.len()).cast_signed() - self.rows.center;
+            self.interior(&gathered[offset * samples..(offset + 1) * samples], 0, origin, body, between)?;
         }
         for (index, line) in out[column..].chunks_mut(inner).enumerate() {
             for (offset, value) in line.iter_mut().take(width).enumerate() {
@@ -187,9 +187,9 @@ impl<'a, T: Sample> Worker<'a, T> {
         width: usize,
         gathered: &mut Vec<T>,
     ) -> Result<usize, Error> {
-        let Rows { taps, mode, layout, center, .. } = self.rows;
+        let Rows { runner, mode, layout, center, .. } = self.rows;
         let (first, last) = self.interior_within(start, end);
-        let samples = if first < last { last - first + taps.span() - 1 } else { 0 };
+        let samples = if first < last { last - first + runner.span() - 1 } else { 0 };
         resize(gathered, samples * width)?;
         let constant = T::from_f64(if let Mode::Constant(value) = mode { value } else { 0.0 });
         for (index, place) in (0..samples).zip(first.cast_signed() - center..) {
@@ -223,9 +223,16 @@ impl<'a, T: Sample> Worker<'a, T> {
         (head, body, tail)
     }
 
-    /// Outputs whose windows start at `x[0]` and on, in slices short enough to stop between them.
-    fn interior(&mut self, x: &[T], out: &mut [T], between: &mut impl FnMut()) -> Result<(), Error> {
-        let span = self.rows.taps.span();
+    /// Outputs whose windows start at `x[first]` and on, in slices short enough to stop between them.
+    fn interior(
+        &mut self,
+        x: &[T],
+        first: usize,
+        origin: isize,
+        out: &mut [T],
+        between: &mut impl FnMut(),
+    ) -> Result<(), Error> {
+        let span = self.rows.runner.span();
         let slice = (SLICE / span.max(1)).max(64);
         for (index, piece) in out.chunks_mut(slice).enumerate() {
             if index > 0 {
@@ -234,8 +241,7 @@ impl<'a, T: Sample> Worker<'a, T> {
                     return Err(Error::Interrupted);
                 }
             }
-            let start = index * slice;
-            direct::apply(self.rows.taps, &x[start..start + piece.len() + span - 1], piece, &mut self.scratch);
+            self.rows.runner.apply(x, first + index * slice, origin, &mut [piece], &mut self.scratch)?;
         }
         Ok(())
     }
@@ -288,22 +294,15 @@ impl<'a, T: Sample> Worker<'a, T> {
         out: &mut [T],
         between: &mut impl FnMut(),
     ) -> Result<(), Error> {
-        let Rows { mode, layout, center, taps, .. } = self.rows;
+        let Rows { mode, layout, center, runner, .. } = self.rows;
         let constant = if let Mode::Constant(value) = mode { value } else { 0.0 };
-        let mut extended = try_vec(out.len() + taps.span() - 1, T::from_f64(constant))?;
+        let mut extended = try_vec(out.len() + runner.span() - 1, T::from_f64(constant))?;
         let window = start.cast_signed() - center;
         for (value, index) in extended.iter_mut().zip(window..) {
             if let Some(source) = mode.source(index, layout.samples) {
                 *value = row.get(source);
             }
         }
-        self.interior(&extended, out, between)
+        self.interior(&extended, 0, window, out, between)
     }
-}
-
-fn resize<V: Clone + Default>(buffer: &mut Vec<V>, length: usize) -> Result<(), Error> {
-    buffer.clear();
-    buffer.try_reserve(length).map_err(|_| Error::Memory { bytes: length.saturating_mul(size_of::<V>()) })?;
-    buffer.resize(length, V::default());
-    Ok(())
 }

@@ -9,11 +9,11 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use crate::bank::Bank;
 use crate::control::Control;
 pub use crate::ends::Mode;
 use crate::engine::Sample;
 use crate::error::Error;
-use crate::plan::Plan;
 pub use crate::rows::Layout;
 use crate::rows::{PIECE, Rows, Worker};
 
@@ -36,7 +36,7 @@ pub enum Alignment {
 #[derive(Debug, Clone, Copy)]
 pub struct Job<'a> {
     /// What to run.
-    pub plan: &'a Plan,
+    pub bank: &'a Bank,
     /// What happens at the ends of the data.
     pub mode: Mode,
     /// Where full-length outputs lie.
@@ -59,12 +59,12 @@ impl Job<'_> {
     /// Outputs of one row.
     #[must_use]
     pub fn outputs(&self) -> usize {
-        self.layout.outputs(self.mode, self.plan.span())
+        self.layout.outputs(self.mode, self.bank.first().span())
     }
 
     /// Estimates into `out`, which has the shape of `x` but for [`Job::outputs`] along the differentiated axis.
     pub fn run<T: Sample>(&self, x: &[T], out: &mut [T], control: &impl Control) -> Result<(), Error> {
-        let (samples, window_length) = (self.layout.samples, self.plan.span());
+        let (samples, window_length) = (self.layout.samples, self.bank.first().span());
         if window_length > samples && !self.mode.extends() {
             let allowed = format!("at most the {samples} samples of x in mode '{}'", self.mode.name());
             return Err(Error::argument("window_length", window_length, allowed));
@@ -85,14 +85,14 @@ impl Job<'_> {
     }
 
     /// Decides what every thread needs to know.
-    fn rows(&self, control: &impl Control) -> Result<Rows<'_>, Error> {
-        let (plan, mode, outputs) = (self.plan, self.mode, self.outputs());
+    fn rows<T: Sample>(&self, control: &impl Control) -> Result<Rows<'_, T>, Error> {
+        let (plan, mode, outputs) = (self.bank.first(), self.mode, self.outputs());
         let window_length = plan.span();
         let half_sample = self.alignment == Alignment::HalfSample && window_length.is_multiple_of(2);
-        let (taps, center) = match mode {
-            Mode::Valid => (plan.taps(), 0),
-            _ if half_sample => (plan.taps(), (window_length / 2).cast_signed() - 1),
-            _ => (plan.aligned_taps(control)?, plan.aligned_position()),
+        let (runner, center) = match mode {
+            Mode::Valid => (self.bank.at_tau()?, 0),
+            _ if half_sample => (self.bank.at_tau()?, (window_length / 2).cast_signed() - 1),
+            _ => (self.bank.aligned(control)?, plan.aligned_position()),
         };
         let windows = (self.layout.samples + 1).saturating_sub(window_length).cast_signed();
         let clamp = |output: isize| output.clamp(0, outputs.cast_signed()).cast_unsigned();
@@ -101,7 +101,7 @@ impl Job<'_> {
             interior = (window_length / 2, outputs - window_length / 2);
         }
         let fit = if mode == Mode::Fit && interior != (0, outputs) { Some(plan.fit_for_ends(control)?) } else { None };
-        let mut rows = Rows { plan, taps, fit, mode, center, interior, layout: self.layout };
+        let mut rows = Rows { plan, runner, fit, mode, center, interior, layout: self.layout };
         if rows.gathers_ends() {
             rows.interior = (0, outputs);
         }
@@ -178,7 +178,7 @@ impl<'a, T> Iterator for Tasks<'a, T> {
 
 /// Works off all tasks, on this thread and `threads - 1` more.
 fn work<T: Sample>(
-    rows: Rows<'_>,
+    rows: Rows<'_, T>,
     x: &[T],
     tasks: &Mutex<Tasks<'_, T>>,
     progress: &Progress,
@@ -209,13 +209,13 @@ fn work<T: Sample>(
 
 /// Works off tasks until there are none; `between` is called between slices of work.
 fn work_alone<T: Sample>(
-    rows: Rows<'_>,
+    rows: Rows<'_, T>,
     x: &[T],
     tasks: &Mutex<Tasks<'_, T>>,
     progress: &Progress,
     between: &mut impl FnMut(),
 ) -> Result<(), Error> {
-    let mut worker = Worker::new(rows, &progress.stop)?;
+    let mut worker = Worker::new(rows, &progress.stop);
     let next = || tasks.lock().unwrap_or_else(PoisonError::into_inner).next();
     while let Some(Task { outer, start, out }) = next() {
         let (length, matrix) = (out.len(), rows.layout.samples * rows.layout.inner);

@@ -1,12 +1,13 @@
 //! The Python boundary: borrow, detach from the interpreter, call, map errors. No idea lives here.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 use algdiff_core::analysis::{Conditions, Tradeoff};
+use algdiff_core::bank::Bank as CoreBank;
 use algdiff_core::control::Control;
 use algdiff_core::design::{Design, Place};
-use algdiff_core::engine::Sample;
+use algdiff_core::engine::{ENGINES, Sample};
 use algdiff_core::error::Error;
 use algdiff_core::kernel::{Kernel as CoreKernel, Tau};
 use algdiff_core::paper;
@@ -238,7 +239,7 @@ fn delay_tradeoff(
 
 /// A frozen design.
 #[pyclass(frozen, module = "algdiff._core")]
-struct Plan(CorePlan);
+struct Plan(Arc<CorePlan>);
 
 #[pymethods]
 impl Plan {
@@ -269,7 +270,7 @@ impl Plan {
             return Err(unknown("rule", rule, "'exact', 'trapezoid', 'midpoint', 'simpson', 'cell' or 'hat'"));
         };
         let design = Design { window_length, deriv, degree, kappa, mu, place, delta, rule, trim };
-        enter(py, None, |control| CorePlan::new(&design, control)).map(Self)
+        enter(py, None, |control| CorePlan::new(&design, control)).map(|plan| Self(Arc::new(plan)))
     }
 
     #[getter]
@@ -337,6 +338,31 @@ impl Plan {
         out.copy_from_slice(weights);
         Ok(())
     }
+}
+
+/// Orders that run in one pass.
+#[pyclass(frozen, module = "algdiff._core")]
+struct Bank(CoreBank);
+
+#[pymethods]
+impl Bank {
+    #[new]
+    #[pyo3(signature = (plans, engine="auto"))]
+    #[expect(clippy::needless_pass_by_value, reason = "a Python list becomes a vector")]
+    fn new(py: Python<'_>, plans: Vec<PyRef<'_, Plan>>, engine: &str) -> PyResult<Self> {
+        let known = ENGINES.iter().find(|(word, _)| *word == engine).map(|&(_, engine)| engine);
+        if known.is_none() && engine != "auto" {
+            return Err(unknown("engine", engine, "'auto' or 'direct'"));
+        }
+        let plans = plans.iter().map(|plan| Arc::clone(&plan.0)).collect();
+        enter(py, None, |_| CoreBank::new(plans, known)).map(Self)
+    }
+
+    /// The name of the engine, for single or double precision.
+    fn engine(&self, single: bool) -> &'static str {
+        let engine = if single { self.0.engine::<f32>() } else { self.0.engine::<f64>() };
+        ENGINES.iter().find(|(_, known)| *known == engine).map_or("", |(word, _)| word)
+    }
 
     #[pyo3(signature = (x, out, layout, mode, cval=0.0, *, half_sample=false, threads=0, progress=None))]
     #[expect(clippy::too_many_arguments, reason = "the call's own parameters, by their own names")]
@@ -364,7 +390,7 @@ impl Plan {
         };
         let alignment = if half_sample { Alignment::HalfSample } else { Alignment::Sample };
         let (outer, samples, inner) = layout;
-        let job = Job { plan: &self.0, mode, alignment, layout: Layout { outer, samples, inner }, threads };
+        let job = Job { bank: &self.0, mode, alignment, layout: Layout { outer, samples, inner }, threads };
         if x.is_instance_of::<PyArray1<f64>>() {
             run::<f64>(py, job, x, out, progress)
         } else {
@@ -420,5 +446,5 @@ fn lambdas(deriv: usize, degree: usize, exponents: (f64, f64), points: &Array<'_
 #[pymodule]
 mod _core {
     #[pymodule_export]
-    use super::{InternalError, Kernel, Plan, Simultaneous, delay_tradeoff, lambdas};
+    use super::{Bank, InternalError, Kernel, Plan, Simultaneous, delay_tradeoff, lambdas};
 }

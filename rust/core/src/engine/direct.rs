@@ -10,8 +10,8 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{Sample, Taps};
-use crate::error::{Error, try_vec};
+use super::{Sample, Scratch, Taps};
+use crate::error::{Error, resize, try_vec};
 
 /// Outputs for which differences are formed at a time: with their taps they stay in the nearest caches.
 const BLOCK: usize = 4096;
@@ -19,53 +19,88 @@ const BLOCK: usize = 4096;
 /// Bytes of the accumulators of a tile: eight 32-byte registers.
 const TILE_BYTES: usize = 256;
 
-/// Room for the first differences of one block.
+/// The taps of every order.
 #[derive(Debug)]
-pub struct Scratch<T> {
-    differences: Vec<T>,
+pub struct Direct<T> {
+    orders: Vec<Order<T>>,
+    span: usize,
+    on_differences: bool,
 }
 
-impl<T: Sample> Scratch<T> {
-    /// Room for the differences that `taps` need.
-    pub fn new(taps: &Taps) -> Result<Self, Error> {
-        let length = if taps.on_differences { BLOCK + taps.span() } else { 0 };
-        Ok(Self { differences: try_vec(length, T::default())? })
+#[derive(Debug)]
+struct Order<T> {
+    taps: Vec<T>,
+    scale: f64,
+    anchor: Option<usize>,
+}
+
+impl<T: Sample> Direct<T> {
+    pub(super) fn new(orders: &[&Taps]) -> Result<Self, Error> {
+        let order = |taps: &&Taps| {
+            let mut own = try_vec(T::taps(taps).len(), T::default())?;
+            own.copy_from_slice(T::taps(taps));
+            Ok(Order { taps: own, scale: taps.scale, anchor: taps.anchor })
+        };
+        Ok(Self {
+            span: orders.first().map_or(0, |taps| taps.span()),
+            on_differences: orders.iter().all(|taps| taps.on_differences),
+            orders: orders.iter().map(order).collect::<Result<_, Error>>()?,
+        })
+    }
+
+    pub(super) fn span(&self) -> usize {
+        self.span
+    }
+
+    pub(super) fn apply(
+        &self,
+        x: &[T],
+        first: usize,
+        outs: &mut [&mut [T]],
+        scratch: &mut Scratch<T>,
+    ) -> Result<(), Error> {
+        if self.on_differences {
+            resize(&mut scratch.differences, BLOCK + self.span)?;
+        }
+        let x = &x[first..];
+        Arch::new().dispatch(Apply { direct: self, x, outs, differences: &mut scratch.differences });
+        Ok(())
     }
 }
 
-/// `out[i]` from the window that starts at `x[i]`; `x` holds `out.len() + span - 1` samples.
-pub fn apply<T: Sample>(taps: &Taps, x: &[T], out: &mut [T], scratch: &mut Scratch<T>) {
-    Arch::new().dispatch(Apply { taps, x, out, scratch });
-}
-
-struct Apply<'a, T> {
-    taps: &'a Taps,
+struct Apply<'a, 'o, T> {
+    direct: &'a Direct<T>,
     x: &'a [T],
-    out: &'a mut [T],
-    scratch: &'a mut Scratch<T>,
+    outs: &'a mut [&'o mut [T]],
+    differences: &'a mut [T],
 }
 
-impl<T: Sample> WithSimd for Apply<'_, T> {
+impl<T: Sample> WithSimd for Apply<'_, '_, T> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _simd: S) {
-        let Self { taps, x, out, scratch } = self;
-        let (coefficients, scale) = (T::taps(taps), taps.scale);
-        if !taps.on_differences {
-            correlate(coefficients, scale, x, out);
-            return;
-        }
-        for (block, start) in out.chunks_mut(BLOCK).zip((0..).step_by(BLOCK)) {
-            let length = (block.len() + coefficients.len()).saturating_sub(1);
-            let (older, newer) = (&x[start..start + length], &x[start + 1..start + 1 + length]);
-            let differences = &mut scratch.differences[..length];
-            for ((difference, older), newer) in differences.iter_mut().zip(older).zip(newer) {
+        let Self { direct: Direct { orders, span, on_differences }, x, outs, differences } = self;
+        let outputs = outs.first().map_or(0, |out| out.len());
+        for start in (0..outputs).step_by(BLOCK) {
+            let end = outputs.min(start + BLOCK);
+            let samples = &x[start..end + span - 1];
+            if !on_differences {
+                for (order, out) in orders.iter().zip(outs.iter_mut()) {
+                    correlate(&order.taps, order.scale, samples, &mut out[start..end]);
+                }
+                continue;
+            }
+            let differences = &mut differences[..samples.len() - 1];
+            for ((difference, older), newer) in differences.iter_mut().zip(samples).zip(&samples[1..]) {
                 *difference = *newer - *older;
             }
-            correlate(coefficients, scale, differences, block);
-            if let Some(anchor) = taps.anchor {
-                block.iter_mut().zip(&x[start + anchor..]).for_each(|(value, sample)| *value = *value + *sample);
+            for (order, out) in orders.iter().zip(outs.iter_mut()) {
+                let block = &mut out[start..end];
+                correlate(&order.taps, order.scale, differences, block);
+                if let Some(anchor) = order.anchor {
+                    block.iter_mut().zip(&samples[anchor..]).for_each(|(value, sample)| *value = *value + *sample);
+                }
             }
         }
     }
@@ -117,7 +152,8 @@ mod tests {
 
     fn run(taps: &Taps, x: &[f64]) -> Vec<f64> {
         let mut out = vec![f64::NAN; x.len() + 1 - taps.span()];
-        apply(taps, x, &mut out, &mut Scratch::new(taps).expect("small"));
+        let direct = Direct::new(&[taps]).expect("small");
+        direct.apply(x, 0, &mut [&mut out], &mut Scratch::default()).expect("small");
         out
     }
 

@@ -1,15 +1,100 @@
-//! How the weights of a plan meet the data.
+//! How the weights of one or several orders meet the data.
 //!
-//! Engines run on contiguous rows and know nothing of ends, axes or threads. There is one so far, [`direct`]: it adds the
-//! taps of every output in one fixed order, so that blocks, streams and threads give the same bits.
+//! Engines run on contiguous samples and know nothing of ends, axes or threads. [`direct`] adds the taps of every output in
+//! one fixed order, so that blocks, streams and threads give the same bits.
 
 pub mod direct;
 
 use std::f64::consts::TAU;
+use std::sync::OnceLock;
 
 use nalgebra::Complex;
 
+use crate::bank::Runners;
 use crate::error::{Error, try_vec};
+
+/// The closed set of engines.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Engine {
+    /// Every tap of every output.
+    Direct,
+}
+
+/// Public names.
+pub const ENGINES: [(&str, Engine); 1] = [("direct", Engine::Direct)];
+
+/// An engine prepared for the taps of one or several orders, which share the samples that they read: shareable between
+/// threads, never changed.
+#[derive(Debug)]
+pub enum Runner<T: Sample> {
+    /// Every tap of every output.
+    Direct(direct::Direct<T>),
+}
+
+/// A thread's own memory.
+#[derive(Debug, Default)]
+pub struct Scratch<T: Sample> {
+    differences: Vec<T>,
+}
+
+impl<T: Sample> Runner<T> {
+    /// Prepares `engine` for `orders`, which have the same span.
+    pub fn new(engine: Engine, orders: &[&Taps]) -> Result<Self, Error> {
+        match engine {
+            Engine::Direct => direct::Direct::new(orders).map(Self::Direct),
+        }
+    }
+
+    /// Samples that one output reads.
+    #[must_use]
+    pub fn span(&self) -> usize {
+        match self {
+            Self::Direct(direct) => direct.span(),
+        }
+    }
+
+    /// For every order the outputs whose windows start at `x[first]`, `x[first + 1]` and on, as many as each of `outs` holds.
+    ///
+    /// `x[0]` is the sample `origin` of its row. Engines whose sums depend on a grid lay it on the row, not on `x`; they may
+    /// read any sample of `x`, but the outputs depend on those outside of their windows by rounding only.
+    pub fn apply(
+        &self,
+        x: &[T],
+        first: usize,
+        origin: isize,
+        outs: &mut [&mut [T]],
+        scratch: &mut Scratch<T>,
+    ) -> Result<(), Error> {
+        let _ = origin;
+        match self {
+            Self::Direct(direct) => direct.apply(x, first, outs, scratch),
+        }
+    }
+
+    /// The same for [`Sample::LANES`] neighbouring rows at once: `x` is the matrix `(samples, LANES)`, and so are `outs`.
+    pub fn apply_lanes(
+        &self,
+        x: &[T],
+        origin: isize,
+        outs: &mut [&mut [T]],
+        scratch: &mut Scratch<T>,
+    ) -> Result<(), Error> {
+        let lanes = T::LANES;
+        let samples = x.len() / lanes;
+        let outputs = (samples + 1).saturating_sub(self.span());
+        let mut row = try_vec(samples, T::default())?;
+        let mut results = try_vec(outputs * outs.len(), T::default())?;
+        for lane in 0..lanes {
+            row.iter_mut().zip(x[lane..].iter().step_by(lanes)).for_each(|(value, sample)| *value = *sample);
+            let mut each: Vec<&mut [T]> = results.chunks_mut(outputs.max(1)).collect();
+            self.apply(&row, 0, origin, &mut each, scratch)?;
+            for (out, result) in outs.iter_mut().zip(each) {
+                out[lane..].iter_mut().step_by(lanes).zip(result).for_each(|(value, result)| *value = *result);
+            }
+        }
+        Ok(())
+    }
+}
 
 /// The weights of a design in the form that engines apply: `out[i] = scale * sum of taps[k] s[i + k]`, where `s` is the
 /// data or their first differences; with an anchor `a`, plus `x[i + a]`.
@@ -112,10 +197,15 @@ pub trait Sample:
     + Default
     + Send
     + Sync
+    + std::fmt::Debug
     + std::ops::Add<Output = Self>
     + std::ops::Sub<Output = Self>
     + std::ops::Mul<Output = Self>
 {
+    /// Rows that run side by side: as many as fit into 64 bytes.
+    const LANES: usize = 64 / size_of::<Self>();
+    /// Where the runners of this type are kept.
+    fn runner(runners: &Runners) -> &OnceLock<Runner<Self>>;
     /// The taps in this type.
     fn taps(taps: &Taps) -> &[Self];
     /// The nearest value of this type.
@@ -125,6 +215,9 @@ pub trait Sample:
 }
 
 impl Sample for f64 {
+    fn runner(runners: &Runners) -> &OnceLock<Runner<Self>> {
+        &runners.double
+    }
     fn taps(taps: &Taps) -> &[Self] {
         &taps.double
     }
@@ -137,6 +230,9 @@ impl Sample for f64 {
 }
 
 impl Sample for f32 {
+    fn runner(runners: &Runners) -> &OnceLock<Runner<Self>> {
+        &runners.single
+    }
     fn taps(taps: &Taps) -> &[Self] {
         &taps.single
     }
