@@ -4,11 +4,14 @@
 //! one fixed order, so that blocks, streams and threads give the same bits.
 
 pub mod direct;
+pub mod moments;
+mod transpose;
 
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
 use nalgebra::Complex;
+use pulp::Simd;
 
 use crate::bank::Runners;
 use crate::error::{Error, try_vec};
@@ -18,10 +21,12 @@ use crate::error::{Error, try_vec};
 pub enum Engine {
     /// Every tap of every output.
     Direct,
+    /// Polynomial weights by the moments of blocks.
+    Moments,
 }
 
 /// Public names.
-pub const ENGINES: [(&str, Engine); 1] = [("direct", Engine::Direct)];
+pub const ENGINES: [(&str, Engine); 2] = [("direct", Engine::Direct), ("moments", Engine::Moments)];
 
 /// An engine prepared for the taps of one or several orders, which share the samples that they read: shareable between
 /// threads, never changed.
@@ -29,12 +34,15 @@ pub const ENGINES: [(&str, Engine); 1] = [("direct", Engine::Direct)];
 pub enum Runner<T: Sample> {
     /// Every tap of every output.
     Direct(direct::Direct<T>),
+    /// Polynomial weights by the moments of blocks.
+    Moments(moments::Moments<T>),
 }
 
 /// A thread's own memory.
 #[derive(Debug, Default)]
 pub struct Scratch<T: Sample> {
     differences: Vec<T>,
+    moments: moments::Room<T>,
 }
 
 impl<T: Sample> Runner<T> {
@@ -42,6 +50,14 @@ impl<T: Sample> Runner<T> {
     pub fn new(engine: Engine, orders: &[&Taps]) -> Result<Self, Error> {
         match engine {
             Engine::Direct => direct::Direct::new(orders).map(Self::Direct),
+            Engine::Moments => match moments::Moments::new(orders)? {
+                Some(moments) => Ok(Self::Moments(moments)),
+                None => Err(Error::argument(
+                    "engine",
+                    "moments",
+                    "'auto', 'direct' or 'fft' for these weights: they are no polynomial of a low degree, or too few",
+                )),
+            },
         }
     }
 
@@ -50,6 +66,7 @@ impl<T: Sample> Runner<T> {
     pub fn span(&self) -> usize {
         match self {
             Self::Direct(direct) => direct.span(),
+            Self::Moments(moments) => moments.span(),
         }
     }
 
@@ -65,9 +82,9 @@ impl<T: Sample> Runner<T> {
         outs: &mut [&mut [T]],
         scratch: &mut Scratch<T>,
     ) -> Result<(), Error> {
-        let _ = origin;
         match self {
             Self::Direct(direct) => direct.apply(x, first, outs, scratch),
+            Self::Moments(moments) => moments.apply(x, first, origin, outs, scratch),
         }
     }
 
@@ -180,6 +197,36 @@ impl Taps {
     }
 }
 
+/// The stream that engines run on, from its element `start` on: first differences of x, or x; zero where x has no samples.
+fn stream<T: Sample>(x: &[T], on_differences: bool, start: isize, out: &mut [T]) {
+    let held = x.len().saturating_sub(usize::from(on_differences)).cast_signed();
+    let inside = |place: isize| (place - start).clamp(0, out.len().cast_signed()).cast_unsigned();
+    let (from, until) = (inside(0), inside(held).max(inside(0)));
+    let (before, rest) = out.split_at_mut(from);
+    let (known, after) = rest.split_at_mut(until - from);
+    before.fill(T::default());
+    after.fill(T::default());
+    let Some(x) = x.get((start + from.cast_signed()).max(0).cast_unsigned()..) else { return };
+    if on_differences {
+        for ((value, older), newer) in known.iter_mut().zip(x).zip(x.iter().skip(1)) {
+            *value = *newer - *older;
+        }
+    } else {
+        known.copy_from_slice(&x[..until - from]);
+    }
+}
+
+/// Sums into outputs: scaled, and with the anchor's samples added.
+fn bring_home<T: Sample>(sums: &[T], scale: f64, anchored: Option<&[T]>, out: &mut [T]) {
+    match anchored {
+        None => out.iter_mut().zip(sums).for_each(|(out, sum)| *out = T::from_f64(sum.to_f64() * scale)),
+        Some(x) => {
+            let pairs = out.iter_mut().zip(sums).zip(x);
+            pairs.for_each(|((out, sum), sample)| *out = T::from_f64(sum.to_f64() * scale) + *sample);
+        }
+    }
+}
+
 /// Running sums `sign * (w_0 + ... + w_k)` with the rounding errors carried along (Neumaier).
 fn accumulate<'a>(pairs: impl Iterator<Item = (&'a mut f64, &'a f64)>, sign: f64) {
     let (mut sum, mut lost) = (0.0_f64, 0.0);
@@ -208,6 +255,11 @@ pub trait Sample:
     fn runner(runners: &Runners) -> &OnceLock<Runner<Self>>;
     /// The taps in this type.
     fn taps(taps: &Taps) -> &[Self];
+    /// Four rows of four as four columns.
+    fn turn<S: Simd>(simd: S, tile: [[Self; 4]; 4]) -> [[Self; 4]; 4];
+    /// `self * factor + term`, rounded once.
+    #[must_use]
+    fn mul_add(self, factor: Self, term: Self) -> Self;
     /// The nearest value of this type.
     fn from_f64(value: f64) -> Self;
     /// The same value as f64.
@@ -220,6 +272,23 @@ impl Sample for f64 {
     }
     fn taps(taps: &Taps) -> &[Self] {
         &taps.double
+    }
+    #[inline(always)]
+    fn turn<S: Simd>(simd: S, tile: [[Self; 4]; 4]) -> [[Self; 4]; 4] {
+        if S::F64_LANES != 4 {
+            return transpose::turn(tile);
+        }
+        let rows: [S::f64s; 4] = std::array::from_fn(|row| S::as_simd_f64s(&tile[row]).0[0]);
+        let columns = simd.deinterleave_shfl_f64s(rows);
+        let mut turned = tile;
+        for (line, column) in turned.iter_mut().zip(columns) {
+            S::as_mut_simd_f64s(line).0[0] = column;
+        }
+        turned
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        self.mul_add(factor, term)
     }
     fn from_f64(value: f64) -> Self {
         value
@@ -235,6 +304,14 @@ impl Sample for f32 {
     }
     fn taps(taps: &Taps) -> &[Self] {
         &taps.single
+    }
+    #[inline(always)]
+    fn turn<S: Simd>(_simd: S, tile: [[Self; 4]; 4]) -> [[Self; 4]; 4] {
+        transpose::turn(tile)
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        self.mul_add(factor, term)
     }
     fn from_f64(value: f64) -> Self {
         value as Self
