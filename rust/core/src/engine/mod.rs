@@ -96,6 +96,9 @@ impl<T: Sample> Runner<T> {
         outs: &mut [&mut [T]],
         scratch: &mut Scratch<T>,
     ) -> Result<(), Error> {
+        if let Self::Moments(moments) = self {
+            return moments.apply_lanes(x, origin, outs, scratch);
+        }
         let lanes = T::LANES;
         let samples = x.len() / lanes;
         let outputs = (samples + 1).saturating_sub(self.span());
@@ -198,6 +201,7 @@ impl Taps {
 }
 
 /// The stream that engines run on, from its element `start` on: first differences of x, or x; zero where x has no samples.
+#[inline(always)]
 fn stream<T: Sample>(x: &[T], on_differences: bool, start: isize, out: &mut [T]) {
     let held = x.len().saturating_sub(usize::from(on_differences)).cast_signed();
     let inside = |place: isize| (place - start).clamp(0, out.len().cast_signed()).cast_unsigned();
@@ -217,6 +221,7 @@ fn stream<T: Sample>(x: &[T], on_differences: bool, start: isize, out: &mut [T])
 }
 
 /// Sums into outputs: scaled, and with the anchor's samples added.
+#[inline(always)]
 fn bring_home<T: Sample>(sums: &[T], scale: f64, anchored: Option<&[T]>, out: &mut [T]) {
     match anchored {
         None => out.iter_mut().zip(sums).for_each(|(out, sum)| *out = T::from_f64(sum.to_f64() * scale)),
@@ -255,11 +260,22 @@ pub trait Sample:
     fn runner(runners: &Runners) -> &OnceLock<Runner<Self>>;
     /// The taps in this type.
     fn taps(taps: &Taps) -> &[Self];
+    /// A register of the CPU.
+    type Register<S: Simd>: Copy + std::fmt::Debug;
+    /// The same value in every lane.
+    fn splat<S: Simd>(simd: S, value: Self) -> Self::Register<S>;
+    /// `a + b` in every lane.
+    fn plus<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
+    /// `a b` in every lane.
+    fn times<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
+    /// `a b + c`, rounded once where the CPU can do so.
+    fn fused<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>, c: Self::Register<S>) -> Self::Register<S>;
+    /// The whole registers of a slice.
+    fn registers<S: Simd>(values: &[Self]) -> &[Self::Register<S>];
+    /// The whole registers of a slice.
+    fn registers_mut<S: Simd>(values: &mut [Self]) -> &mut [Self::Register<S>];
     /// Four rows of four as four columns.
     fn turn<S: Simd>(simd: S, tile: [[Self; 4]; 4]) -> [[Self; 4]; 4];
-    /// `self * factor + term`, rounded once.
-    #[must_use]
-    fn mul_add(self, factor: Self, term: Self) -> Self;
     /// The nearest value of this type.
     fn from_f64(value: f64) -> Self;
     /// The same value as f64.
@@ -273,22 +289,44 @@ impl Sample for f64 {
     fn taps(taps: &Taps) -> &[Self] {
         &taps.double
     }
+    type Register<S: Simd> = S::f64s;
+    #[inline(always)]
+    fn splat<S: Simd>(simd: S, value: Self) -> S::f64s {
+        simd.splat_f64s(value)
+    }
+    #[inline(always)]
+    fn plus<S: Simd>(simd: S, a: S::f64s, b: S::f64s) -> S::f64s {
+        simd.add_f64s(a, b)
+    }
+    #[inline(always)]
+    fn times<S: Simd>(simd: S, a: S::f64s, b: S::f64s) -> S::f64s {
+        simd.mul_f64s(a, b)
+    }
+    #[inline(always)]
+    fn fused<S: Simd>(simd: S, a: S::f64s, b: S::f64s, c: S::f64s) -> S::f64s {
+        simd.mul_add_e_f64s(a, b, c)
+    }
+    #[inline(always)]
+    fn registers<S: Simd>(values: &[Self]) -> &[S::f64s] {
+        S::as_simd_f64s(values).0
+    }
+    #[inline(always)]
+    fn registers_mut<S: Simd>(values: &mut [Self]) -> &mut [S::f64s] {
+        S::as_mut_simd_f64s(values).0
+    }
     #[inline(always)]
     fn turn<S: Simd>(simd: S, tile: [[Self; 4]; 4]) -> [[Self; 4]; 4] {
         if S::F64_LANES != 4 {
             return transpose::turn(tile);
         }
-        let rows: [S::f64s; 4] = std::array::from_fn(|row| S::as_simd_f64s(&tile[row]).0[0]);
-        let columns = simd.deinterleave_shfl_f64s(rows);
+        let [a, b, c, d] = tile;
+        let row = |values: &[Self; 4]| S::as_simd_f64s(values).0[0];
+        let columns = simd.deinterleave_shfl_f64s([row(&a), row(&b), row(&c), row(&d)]);
         let mut turned = tile;
         for (line, column) in turned.iter_mut().zip(columns) {
             S::as_mut_simd_f64s(line).0[0] = column;
         }
         turned
-    }
-    #[inline(always)]
-    fn mul_add(self, factor: Self, term: Self) -> Self {
-        self.mul_add(factor, term)
     }
     fn from_f64(value: f64) -> Self {
         value
@@ -305,13 +343,34 @@ impl Sample for f32 {
     fn taps(taps: &Taps) -> &[Self] {
         &taps.single
     }
+    type Register<S: Simd> = S::f32s;
+    #[inline(always)]
+    fn splat<S: Simd>(simd: S, value: Self) -> S::f32s {
+        simd.splat_f32s(value)
+    }
+    #[inline(always)]
+    fn plus<S: Simd>(simd: S, a: S::f32s, b: S::f32s) -> S::f32s {
+        simd.add_f32s(a, b)
+    }
+    #[inline(always)]
+    fn times<S: Simd>(simd: S, a: S::f32s, b: S::f32s) -> S::f32s {
+        simd.mul_f32s(a, b)
+    }
+    #[inline(always)]
+    fn fused<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
+        simd.mul_add_e_f32s(a, b, c)
+    }
+    #[inline(always)]
+    fn registers<S: Simd>(values: &[Self]) -> &[S::f32s] {
+        S::as_simd_f32s(values).0
+    }
+    #[inline(always)]
+    fn registers_mut<S: Simd>(values: &mut [Self]) -> &mut [S::f32s] {
+        S::as_mut_simd_f32s(values).0
+    }
     #[inline(always)]
     fn turn<S: Simd>(_simd: S, tile: [[Self; 4]; 4]) -> [[Self; 4]; 4] {
         transpose::turn(tile)
-    }
-    #[inline(always)]
-    fn mul_add(self, factor: Self, term: Self) -> Self {
-        self.mul_add(factor, term)
     }
     fn from_f64(value: f64) -> Self {
         value as Self

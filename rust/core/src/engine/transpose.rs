@@ -22,10 +22,8 @@ pub fn transpose<T: Sample, S: Simd>(
     columns: usize,
 ) {
     for row in (0..rows).step_by(4) {
-        let lines: [&[[T; 4]]; 4] =
-            std::array::from_fn(|line| from[(row + line) * from_step..][..columns].as_chunks::<4>().0);
-        let [a, b, c, d] = lines;
-        let tiles = a.iter().zip(b).zip(c).zip(d);
+        let line = |line: usize| from[(row + line) * from_step..][..columns].as_chunks::<4>().0;
+        let tiles = line(0).iter().zip(line(1)).zip(line(2)).zip(line(3));
         for ((((a, b), c), d), to) in tiles.zip(to[row..].chunks_mut(4 * to_step)) {
             let turned = T::turn(simd, [*a, *b, *c, *d]);
             for (line, values) in to.chunks_mut(to_step).zip(turned) {

@@ -5,7 +5,7 @@ use crate::error::{Error, try_vec};
 use crate::jacobi::{Jacobi, Recurrence};
 
 /// Moments of a block, at most: beyond, the basis costs more than the products that it saves.
-const MOMENTS: usize = 12;
+pub const MOMENTS: usize = 12;
 
 /// Outputs that are computed together, whose windows end up to three samples beyond that of the first.
 pub const TILE: usize = 4;
@@ -134,7 +134,8 @@ impl<T: Sample> Tables<T> {
         if taps < 24 || orders.iter().any(|order| order.double.len() != taps) {
             return Ok(None);
         }
-        let smooth: Vec<(Vec<f64>, Option<usize>)> = orders.iter().map(|order| without_jump(order)).collect::<Result<_, _>>()?;
+        let smooth: Vec<(Vec<f64>, Option<usize>)> =
+            orders.iter().map(|order| without_jump(order)).collect::<Result<_, _>>()?;
         let mut polynomials = Vec::new();
         for (taps, _) in &smooth {
             let Some(polynomial) = Polynomial::through(taps)? else { return Ok(None) };

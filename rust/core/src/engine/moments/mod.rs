@@ -9,23 +9,22 @@
 //! holds for the groups between two ends of whole blocks.
 //!
 //! Nothing is subtracted or carried along, so there is no drift, and what is not finite stays in the windows that hold it.
-//! The grid of blocks lies on the row, so that no cut of a run changes a bit.
+//! The grid of blocks lies on the row, so that no cut of a run changes a bit. CPUs with fused multiplication and addition
+//! use it: bits may differ between CPUs.
 //!
 //! The error is at most [`Moments::error_bound`] `* eps * sum |W| * max |s|` with the taps W and the stream s of a window.
 
 mod design;
 mod kernel;
-mod strip;
+mod lanes;
 
-use super::{Sample, Scratch, Taps, bring_home};
-use crate::error::{Error, resize};
+use super::{Sample, Scratch, Taps};
+use crate::error::Error;
 
 pub use design::Shape;
 use design::Tables;
-use strip::Strip;
-
-/// Columns of a strip, in blocks of lanes: enough that what is kept between two strips is a small part.
-const LANE_BLOCKS: usize = 8;
+pub use lanes::Room;
+use lanes::{Columns, Row};
 
 /// The taps of every order, and the tables that they share.
 #[derive(Debug)]
@@ -33,14 +32,6 @@ pub struct Moments<T> {
     tables: Tables<T>,
     span: usize,
     on_differences: bool,
-}
-
-/// A thread's own memory: the strip of samples, its moments and results.
-#[derive(Debug, Default)]
-pub struct Room<T> {
-    strip: Strip<T>,
-    stream: Vec<T>,
-    staged: Vec<T>,
 }
 
 impl<T: Sample> Moments<T> {
@@ -76,42 +67,25 @@ impl<T: Sample> Moments<T> {
         outs: &mut [&mut [T]],
         scratch: &mut Scratch<T>,
     ) -> Result<(), Error> {
-        let outputs = outs.first().map_or(0, |out| out.len());
-        if outputs == 0 {
-            return Ok(());
-        }
+        let room = &mut scratch.moments;
+        room.prepare_row(&self.tables)?;
+        Row { moments: self, x, first, origin, outs, room }.run();
+        Ok(())
+    }
+
+    pub(super) fn apply_lanes(
+        &self,
+        x: &[T],
+        origin: isize,
+        outs: &mut [&mut [T]],
+        scratch: &mut Scratch<T>,
+    ) -> Result<(), Error> {
         let group = self.tables.shape.group_length();
-        let Room { strip, stream, staged } = &mut scratch.moments;
-        // Places on the row's grid, from the start of the group that holds the first window's start.
-        let lead = (origin + first.cast_signed()).rem_euclid(group.cast_signed()).cast_unsigned();
-        let groups = (lead + outputs).div_ceil(group);
-        strip.prepare_rows(&self.tables, groups.next_multiple_of(T::LANES).min(LANE_BLOCKS * T::LANES))?;
-        resize(stream, strip.fresh(true) * group + design::SPILL)?;
-        resize(staged, strip.columns() * group)?;
-        for start in (0..groups).step_by(strip.columns()) {
-            let fresh = strip.fresh(start == 0);
-            let column = start + strip.width() - fresh;
-            // Sample `place - lead + first` of x stands at `place` of the grid.
-            let stream = &mut stream[..fresh * group + design::SPILL];
-            super::stream(x, self.on_differences, (column * group + first).cast_signed() - lead.cast_signed(), stream);
-            strip.gather(&self.tables, stream, fresh);
-            let columns = strip.columns().min(groups - start);
-            for (order, (taps, out)) in self.tables.orders.iter().zip(outs.iter_mut()).enumerate() {
-                strip.evaluate(&self.tables, order, columns);
-                strip.scatter(&self.tables, columns, staged);
-                let from = (start * group).max(lead);
-                let until = ((start + columns) * group).min(lead + outputs);
-                let place = first + from - lead;
-                let anchored = taps.anchor.map(|anchor| &x[place + anchor..]);
-                bring_home(
-                    &staged[from - start * group..until - start * group],
-                    taps.scale,
-                    anchored,
-                    &mut out[from - lead..until - lead],
-                );
-            }
-            strip.keep(&self.tables);
-        }
+        let outputs = outs.first().map_or(0, |out| out.len()) / T::LANES;
+        let lead = origin.rem_euclid(group.cast_signed()).cast_unsigned();
+        let room = &mut scratch.moments;
+        room.prepare_columns(&self.tables, (lead + outputs).div_ceil(group))?;
+        Columns { moments: self, x, lead, outs, room }.run();
         Ok(())
     }
 }
