@@ -9,26 +9,40 @@ use pulp::Simd;
 
 use super::Sample;
 
-/// `to[column * to_step + row] = from[row * from_step + column]` for `rows` rows, a multiple of four, and `columns` columns, a multiple
-/// of four.
+/// Lines of a row, `step` apart, side by side: place `i` of `places` holds sample `i` of every line. `length` is a multiple of four.
 #[inline(always)]
-pub fn transpose<T: Sample, S: Simd>(
-    simd: S,
-    from: &[T],
-    from_step: usize,
-    to: &mut [T],
-    to_step: usize,
-    rows: usize,
-    columns: usize,
-) {
-    for row in (0..rows).step_by(4) {
-        let line = |line: usize| from[(row + line) * from_step..][..columns].as_chunks::<4>().0;
-        let tiles = line(0).iter().zip(line(1)).zip(line(2)).zip(line(3));
-        for ((((a, b), c), d), to) in tiles.zip(to[row..].chunks_mut(4 * to_step)) {
-            let turned = T::turn(simd, [*a, *b, *c, *d]);
-            for (line, values) in to.chunks_mut(to_step).zip(turned) {
-                line[..4].copy_from_slice(&values);
-            }
+pub fn to_lanes<T: Sample, S: Simd>(simd: S, lines: &[T], step: usize, length: usize, places: &mut [T]) {
+    for lane in (0..T::LANES).step_by(4) {
+        let line = |lane: usize| lines[lane * step..][..length].as_chunks::<4>().0;
+        let (a, b, c, d) = (line(lane), line(lane + 1), line(lane + 2), line(lane + 3));
+        let places = places[..length * T::LANES].chunks_exact_mut(4 * T::LANES);
+        for ((((a, b), c), d), places) in a.iter().zip(b).zip(c).zip(d).zip(places) {
+            let [a, b, c, d] = T::turn(simd, [*a, *b, *c, *d]);
+            places[lane..lane + 4].copy_from_slice(&a);
+            places[T::LANES + lane..][..4].copy_from_slice(&b);
+            places[2 * T::LANES + lane..][..4].copy_from_slice(&c);
+            places[3 * T::LANES + lane..][..4].copy_from_slice(&d);
+        }
+    }
+}
+
+/// The other way, with the lines one after the other.
+#[inline(always)]
+pub fn from_lanes<T: Sample, S: Simd>(simd: S, places: &[T], length: usize, lines: &mut [T]) {
+    for (lines, lane) in lines[..length * T::LANES].chunks_exact_mut(4 * length).zip((0..).step_by(4)) {
+        let (a, rest) = lines.split_at_mut(length);
+        let (b, rest) = rest.split_at_mut(length);
+        let (c, d) = rest.split_at_mut(length);
+        let (a, b) = (a.as_chunks_mut::<4>().0, b.as_chunks_mut::<4>().0);
+        let (c, d) = (c.as_chunks_mut::<4>().0, d.as_chunks_mut::<4>().0);
+        let places = places.chunks_exact(4 * T::LANES);
+        for ((((a, b), c), d), places) in a.iter_mut().zip(b).zip(c).zip(d).zip(places) {
+            let mut tile = [[T::default(); 4]; 4];
+            tile[0].copy_from_slice(&places[lane..lane + 4]);
+            tile[1].copy_from_slice(&places[T::LANES + lane..][..4]);
+            tile[2].copy_from_slice(&places[2 * T::LANES + lane..][..4]);
+            tile[3].copy_from_slice(&places[3 * T::LANES + lane..][..4]);
+            [*a, *b, *c, *d] = T::turn(simd, tile);
         }
     }
 }

@@ -13,8 +13,11 @@ pub const TILE: usize = 4;
 /// Samples that a tile reads beyond the end of its group.
 pub const SPILL: usize = TILE;
 
-/// Taps may differ from a polynomial by this much of the largest: the rounding of the weights themselves.
-const RESIDUAL: f64 = 1e-14;
+/// Taps may differ from a polynomial by this much of the largest: the rounding of the weights themselves, which grows with
+/// the window where they are sums.
+fn allowed_residual(taps: usize) -> f64 {
+    1e-14 + 8.0 * f64::EPSILON * (taps as f64).sqrt()
+}
 
 /// The largest error bound, in units of eps, with which the engine is still offered.
 const ALLOWED_BOUND: f64 = 1e5;
@@ -235,7 +238,7 @@ impl Polynomial {
         rest.copy_from_slice(inner);
         let mut older = try_vec(inner.len(), 0.0)?;
         let mut newer = try_vec(inner.len(), 1.0)?;
-        let allowed = RESIDUAL * inner.iter().fold(0.0, |peak: f64, tap| peak.max(tap.abs()));
+        let allowed = allowed_residual(taps.len()) * inner.iter().fold(0.0, |peak: f64, tap| peak.max(tap.abs()));
         for degree in 0..MOMENTS.min(inner.len() / 2) {
             let norm: f64 = newer.iter().map(|p| p * p).sum();
             let coefficient = rest.iter().zip(&newer).map(|(r, p)| r * p).sum::<f64>() / norm;

@@ -7,7 +7,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::super::transpose::transpose;
+use super::super::transpose::{from_lanes, to_lanes};
 use super::super::{Sample, bring_home, stream};
 use super::Moments;
 use super::design::{Order, SPILL, Tables};
@@ -100,7 +100,7 @@ impl<T: Sample> WithSimd for Gather<'_, T> {
         let Self { x, on_differences, start, step, length, line, lanes } = self;
         let line = &mut line[..(T::LANES - 1) * step + length];
         stream(x, on_differences, start, line);
-        transpose(simd, line, step, lanes, T::LANES, T::LANES, length);
+        to_lanes(simd, line, step, length, lanes);
     }
 }
 
@@ -182,7 +182,7 @@ impl<T: Sample> WithSimd for Deliver<'_, T> {
         match line {
             None => bring_home(&sums[from..from + out.len()], scale, anchored, out),
             Some((line, length)) => {
-                transpose(simd, sums, T::LANES, line, length, length, T::LANES);
+                from_lanes(simd, sums, length, line);
                 bring_home(&line[from..from + out.len()], scale, anchored, out);
             }
         }
