@@ -1,15 +1,19 @@
 //! How the weights of one or several orders meet the data.
 //!
 //! Engines run on contiguous samples and know nothing of ends, axes or threads. [`direct`] adds the taps of every output in
-//! one fixed order, so that blocks, streams and threads give the same bits.
+//! one fixed order, so that blocks, streams and threads give the same bits. [`fft`] multiplies spectra of blocks that lie on a
+//! fixed grid of the row: the same bits for every run that is cut on the grid.
 
 pub mod direct;
+pub mod fft;
+mod negacyclic;
 
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
 use nalgebra::Complex;
 
+use self::negacyclic::Transforms;
 use crate::bank::Runners;
 use crate::error::{Error, try_vec};
 
@@ -18,10 +22,12 @@ use crate::error::{Error, try_vec};
 pub enum Engine {
     /// Every tap of every output.
     Direct,
+    /// Spectra of blocks.
+    Fft,
 }
 
 /// Public names.
-pub const ENGINES: [(&str, Engine); 1] = [("direct", Engine::Direct)];
+pub const ENGINES: [(&str, Engine); 2] = [("direct", Engine::Direct), ("fft", Engine::Fft)];
 
 /// An engine prepared for the taps of one or several orders, which share the samples that they read: shareable between
 /// threads, never changed.
@@ -29,12 +35,15 @@ pub const ENGINES: [(&str, Engine); 1] = [("direct", Engine::Direct)];
 pub enum Runner<T: Sample> {
     /// Every tap of every output.
     Direct(direct::Direct<T>),
+    /// Spectra of blocks.
+    Fft(fft::Fft<T>),
 }
 
 /// A thread's own memory.
 #[derive(Debug, Default)]
 pub struct Scratch<T: Sample> {
     differences: Vec<T>,
+    fft: fft::Buffers<T>,
 }
 
 impl<T: Sample> Runner<T> {
@@ -42,6 +51,7 @@ impl<T: Sample> Runner<T> {
     pub fn new(engine: Engine, orders: &[&Taps]) -> Result<Self, Error> {
         match engine {
             Engine::Direct => direct::Direct::new(orders).map(Self::Direct),
+            Engine::Fft => fft::Fft::new(orders).map(Self::Fft),
         }
     }
 
@@ -50,6 +60,18 @@ impl<T: Sample> Runner<T> {
     pub fn span(&self) -> usize {
         match self {
             Self::Direct(direct) => direct.span(),
+            Self::Fft(fft) => fft.span(),
+        }
+    }
+
+    /// The step of the grid on which the outputs of a row may be cut into calls without a change of their bits: a call should
+    /// hold the windows that start at the row's samples from one multiple of it to another, or to the end of the row, and all
+    /// samples that they read. 1 where any cut will do.
+    #[must_use]
+    pub fn grid(&self) -> usize {
+        match self {
+            Self::Direct(_) => 1,
+            Self::Fft(fft) => fft.grid(),
         }
     }
 
@@ -65,9 +87,9 @@ impl<T: Sample> Runner<T> {
         outs: &mut [&mut [T]],
         scratch: &mut Scratch<T>,
     ) -> Result<(), Error> {
-        let _ = origin;
         match self {
             Self::Direct(direct) => direct.apply(x, first, outs, scratch),
+            Self::Fft(fft) => fft.apply(x, first, origin, outs, scratch),
         }
     }
 
@@ -198,6 +220,7 @@ pub trait Sample:
     + Send
     + Sync
     + std::fmt::Debug
+    + PartialOrd
     + std::ops::Add<Output = Self>
     + std::ops::Sub<Output = Self>
     + std::ops::Mul<Output = Self>
@@ -208,6 +231,8 @@ pub trait Sample:
     fn runner(runners: &Runners) -> &OnceLock<Runner<Self>>;
     /// The taps in this type.
     fn taps(taps: &Taps) -> &[Self];
+    /// The complex transforms of so many points.
+    fn transforms(points: usize) -> Transforms<Self>;
     /// The nearest value of this type.
     fn from_f64(value: f64) -> Self;
     /// The same value as f64.
@@ -220,6 +245,9 @@ impl Sample for f64 {
     }
     fn taps(taps: &Taps) -> &[Self] {
         &taps.double
+    }
+    fn transforms(points: usize) -> Transforms<Self> {
+        Transforms::new(points)
     }
     fn from_f64(value: f64) -> Self {
         value
@@ -235,6 +263,9 @@ impl Sample for f32 {
     }
     fn taps(taps: &Taps) -> &[Self] {
         &taps.single
+    }
+    fn transforms(points: usize) -> Transforms<Self> {
+        Transforms::new(points)
     }
     fn from_f64(value: f64) -> Self {
         value as Self
