@@ -95,14 +95,27 @@ impl<T: Sample> Negacyclic<T> {
         (self.transforms.forward)(spectrum, work);
     }
 
-    /// Half of the values, times the number of points, of the product of two spectra, of which the first is `spectrum`.
+    /// The values of a product of spectra, times the number of points and both `factors`: the first half of them into `low`,
+    /// as many of the others as it holds into `high`.
     #[inline(always)]
-    pub(super) fn inverse(&self, spectrum: &mut [Complex<T>], work: &mut [Complex<T>], values: &mut [T]) {
+    pub(super) fn inverse(
+        &self,
+        spectrum: &mut [Complex<T>],
+        work: &mut [Complex<T>],
+        factors: (T, T),
+        low: &mut [T],
+        high: &mut [T],
+    ) {
         (self.transforms.inverse)(spectrum, work);
-        let (low, high) = values.split_at_mut(self.half());
-        for (((point, low), high), power) in spectrum.iter().zip(low).zip(high).zip(&self.twist) {
-            *low = point.re * power.re + point.im * power.im;
-            *high = point.im * power.re - point.re * power.im;
+        let scaled = |value: T| value * factors.0 * factors.1;
+        let real = |point: Complex<T>, power: Complex<T>| scaled(point.re * power.re + point.im * power.im);
+        let imaginary = |point: Complex<T>, power: Complex<T>| scaled(point.im * power.re - point.re * power.im);
+        let (low, rest) = low.split_at_mut(high.len());
+        for (((&point, &power), low), high) in spectrum.iter().zip(&self.twist).zip(low).zip(&mut *high) {
+            (*low, *high) = (real(point, power), imaginary(point, power));
+        }
+        for ((&point, &power), low) in spectrum.iter().zip(&self.twist).skip(high.len()).zip(rest) {
+            *low = real(point, power);
         }
     }
 }
