@@ -1,10 +1,13 @@
 //! How the weights of one or several orders meet the data.
 //!
 //! Engines run on contiguous samples and know nothing of ends, axes or threads. [`direct`] adds the taps of every output in
-//! one fixed order, so that blocks, streams and threads give the same bits.
+//! one fixed order, so that blocks, streams and threads give the same bits. [`fft`] multiplies spectra of blocks that lie on a
+//! fixed grid of the row: the same bits for every run that is cut on the grid.
 
 pub mod direct;
+pub mod fft;
 pub mod moments;
+mod negacyclic;
 mod transpose;
 
 use std::f64::consts::TAU;
@@ -13,6 +16,7 @@ use std::sync::OnceLock;
 use nalgebra::Complex;
 use pulp::Simd;
 
+use self::negacyclic::Transforms;
 use crate::bank::Runners;
 use crate::error::{Error, try_vec};
 
@@ -23,10 +27,13 @@ pub enum Engine {
     Direct,
     /// Polynomial weights by the moments of blocks.
     Moments,
+    /// Spectra of blocks.
+    Fft,
 }
 
 /// Public names.
-pub const ENGINES: [(&str, Engine); 2] = [("direct", Engine::Direct), ("moments", Engine::Moments)];
+pub const ENGINES: [(&str, Engine); 3] =
+    [("direct", Engine::Direct), ("moments", Engine::Moments), ("fft", Engine::Fft)];
 
 /// An engine prepared for the taps of one or several orders, which share the samples that they read: shareable between
 /// threads, never changed.
@@ -36,6 +43,8 @@ pub enum Runner<T: Sample> {
     Direct(direct::Direct<T>),
     /// Polynomial weights by the moments of blocks.
     Moments(moments::Moments<T>),
+    /// Spectra of blocks.
+    Fft(fft::Fft<T>),
 }
 
 /// A thread's own memory.
@@ -43,6 +52,7 @@ pub enum Runner<T: Sample> {
 pub struct Scratch<T: Sample> {
     differences: Vec<T>,
     moments: moments::Room<T>,
+    fft: fft::Buffers<T>,
 }
 
 impl<T: Sample> Runner<T> {
@@ -58,6 +68,7 @@ impl<T: Sample> Runner<T> {
                     "'auto', 'direct' or 'fft' for these weights: they are no polynomial of a low degree, or too few",
                 )),
             },
+            Engine::Fft => fft::Fft::new(orders).map(Self::Fft),
         }
     }
 
@@ -67,6 +78,18 @@ impl<T: Sample> Runner<T> {
         match self {
             Self::Direct(direct) => direct.span(),
             Self::Moments(moments) => moments.span(),
+            Self::Fft(fft) => fft.span(),
+        }
+    }
+
+    /// The step of the grid on which the outputs of a row may be cut into calls without a change of their bits: a call should
+    /// hold the windows that start at the row's samples from one multiple of it to another, or to the end of the row, and all
+    /// samples that they read. 1 where any cut will do.
+    #[must_use]
+    pub fn grid(&self) -> usize {
+        match self {
+            Self::Direct(_) | Self::Moments(_) => 1,
+            Self::Fft(fft) => fft.grid(),
         }
     }
 
@@ -85,6 +108,7 @@ impl<T: Sample> Runner<T> {
         match self {
             Self::Direct(direct) => direct.apply(x, first, outs, scratch),
             Self::Moments(moments) => moments.apply(x, first, origin, outs, scratch),
+            Self::Fft(fft) => fft.apply(x, first, origin, outs, scratch),
         }
     }
 
@@ -250,6 +274,7 @@ pub trait Sample:
     + Send
     + Sync
     + std::fmt::Debug
+    + PartialOrd
     + std::ops::Add<Output = Self>
     + std::ops::Sub<Output = Self>
     + std::ops::Mul<Output = Self>
@@ -276,6 +301,8 @@ pub trait Sample:
     fn registers_mut<S: Simd>(values: &mut [Self]) -> &mut [Self::Register<S>];
     /// Four rows of four as four columns.
     fn turn<S: Simd>(simd: S, tile: [[Self; 4]; 4]) -> [[Self; 4]; 4];
+    /// The complex transforms of so many points.
+    fn transforms(points: usize) -> Transforms<Self>;
     /// The nearest value of this type.
     fn from_f64(value: f64) -> Self;
     /// The same value as f64.
@@ -328,6 +355,9 @@ impl Sample for f64 {
         }
         turned
     }
+    fn transforms(points: usize) -> Transforms<Self> {
+        Transforms::new(points)
+    }
     fn from_f64(value: f64) -> Self {
         value
     }
@@ -371,6 +401,9 @@ impl Sample for f32 {
     #[inline(always)]
     fn turn<S: Simd>(_simd: S, tile: [[Self; 4]; 4]) -> [[Self; 4]; 4] {
         transpose::turn(tile)
+    }
+    fn transforms(points: usize) -> Transforms<Self> {
+        Transforms::new(points)
     }
     fn from_f64(value: f64) -> Self {
         value as Self
