@@ -1,6 +1,9 @@
 //! Every tap of every output, in one fixed order.
 //!
-//! A tile of neighbouring outputs is held in registers while the taps go by; each tap is one broadcast for the whole tile.
+//! A tile of neighbouring outputs is held in registers while the taps go by. Taps come in strides of 32 bytes, four at a time: tap
+//! 0 of each stride, tap 1 of each, and so on; the taps that are left come one after the other. So a register of samples
+//! serves four taps, and the loads, which bound the speed, are few. Adding the two samples of equal taps first, which
+//! symmetric weights would allow, saves multiplications but doubles the loads (decision 0007).
 //! Multiplication and addition stay apart (no fused operation), so every CPU gives the same bits.
 
 #![expect(
@@ -16,8 +19,14 @@ use crate::error::{Error, resize, try_vec};
 /// Outputs for which differences are formed at a time: with their taps they stay in the nearest caches.
 const BLOCK: usize = 4096;
 
-/// Bytes of the accumulators of a tile: eight 32-byte registers.
-const TILE_BYTES: usize = 256;
+/// Taps of a stride, in bytes: a register of most CPUs.
+const STRIDE_BYTES: usize = 32;
+
+/// Registers of a tile of outputs, at most: with four weights and a sample they fit into sixteen.
+const TILE: usize = 8;
+
+/// Taps that a sample is used for while it is in a register, at most.
+const DEPTH: usize = 4;
 
 /// The taps of every order.
 #[derive(Debug)]
@@ -79,7 +88,7 @@ impl<T: Sample> WithSimd for Apply<'_, '_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) {
+    fn with_simd<S: Simd>(self, simd: S) {
         let Self { direct: Direct { orders, span, on_differences }, x, outs, differences } = self;
         let outputs = outs.first().map_or(0, |out| out.len());
         for start in (0..outputs).step_by(BLOCK) {
@@ -87,7 +96,7 @@ impl<T: Sample> WithSimd for Apply<'_, '_, T> {
             let samples = &x[start..end + span - 1];
             if !on_differences {
                 for (order, out) in orders.iter().zip(outs.iter_mut()) {
-                    correlate(&order.taps, order.scale, samples, &mut out[start..end]);
+                    correlate(simd, &order.taps, order.scale, samples, &mut out[start..end]);
                 }
                 continue;
             }
@@ -97,7 +106,7 @@ impl<T: Sample> WithSimd for Apply<'_, '_, T> {
             }
             for (order, out) in orders.iter().zip(outs.iter_mut()) {
                 let block = &mut out[start..end];
-                correlate(&order.taps, order.scale, differences, block);
+                correlate(simd, &order.taps, order.scale, differences, block);
                 if let Some(anchor) = order.anchor {
                     block.iter_mut().zip(&samples[anchor..]).for_each(|(value, sample)| *value = *value + *sample);
                 }
@@ -106,34 +115,121 @@ impl<T: Sample> WithSimd for Apply<'_, '_, T> {
     }
 }
 
+/// `out[i] = scale * sum of taps[k] x[i + k]`.
 #[inline(always)]
-fn correlate<T: Sample>(taps: &[T], scale: f64, x: &[T], out: &mut [T]) {
-    // The tile's size must be known at compile time, for f64 and f32 alike.
-    let done = match TILE_BYTES / size_of::<T>() {
-        32 => tiles::<T, 32>(taps, scale, x, out),
-        _ => tiles::<T, 64>(taps, scale, x, out),
-    };
-    let done = done + tiles::<T, 8>(taps, scale, &x[done..], &mut out[done..]);
-    tiles::<T, 1>(taps, scale, &x[done..], &mut out[done..]);
+fn correlate<T: Sample, S: Simd>(simd: S, taps: &[T], scale: f64, x: &[T], out: &mut [T]) {
+    let mut done = 0;
+    if size_of::<T::Register<S>>() == STRIDE_BYTES {
+        done += tiles::<T, S, TILE>(simd, taps, scale, x, out);
+        done += tiles::<T, S, 2>(simd, taps, scale, &x[done..], &mut out[done..]);
+        done += tiles::<T, S, 1>(simd, taps, scale, &x[done..], &mut out[done..]);
+    }
+    match STRIDE_BYTES / size_of::<T>() {
+        4 => one_by_one::<T, 4>(taps, scale, &x[done..], &mut out[done..]),
+        _ => one_by_one::<T, 8>(taps, scale, &x[done..], &mut out[done..]),
+    }
 }
 
-/// Fills as many outputs as whole tiles of `N` cover, and says how many.
+/// Fills as many outputs as whole tiles of `N` registers cover, and says how many.
 #[inline(always)]
-fn tiles<T: Sample, const N: usize>(taps: &[T], scale: f64, x: &[T], out: &mut [T]) -> usize {
-    let (tiles, _) = out.as_chunks_mut::<N>();
-    for (index, tile) in tiles.iter_mut().enumerate() {
-        let mut sums = [T::default(); N];
-        let windows = x[index * N..].windows(N);
-        for (&tap, window) in taps.iter().zip(windows) {
-            for (sum, &sample) in sums.iter_mut().zip(window) {
-                *sum = *sum + tap * sample;
+fn tiles<T: Sample, S: Simd, const N: usize>(simd: S, taps: &[T], scale: f64, x: &[T], out: &mut [T]) -> usize {
+    let width = STRIDE_BYTES / size_of::<T>();
+    let mut done = 0;
+    for tile in out.chunks_exact_mut(N * width) {
+        let mut sums = [T::splat(simd, T::default()); N];
+        let mut x = &x[done..];
+        let mut deep = taps.chunks_exact(DEPTH * width);
+        for taps in &mut deep {
+            strides::<T, S, N, DEPTH>(simd, &mut sums, taps, x);
+            x = &x[DEPTH * width..];
+        }
+        let mut flat = deep.remainder().chunks_exact(width);
+        for taps in &mut flat {
+            strides::<T, S, N, 1>(simd, &mut sums, taps, x);
+            x = &x[width..];
+        }
+        for (at, tap) in flat.remainder().iter().enumerate() {
+            let tap = T::splat(simd, *tap);
+            for (sum, samples) in sums.iter_mut().zip(x[at..].chunks_exact(width)) {
+                *sum = T::plus(simd, *sum, T::times(simd, tap, T::registers::<S>(samples)[0]));
             }
         }
-        for (value, sum) in tile.iter_mut().zip(sums) {
-            *value = T::from_f64(sum.to_f64() * scale);
+        for (values, sum) in tile.chunks_exact_mut(width).zip(sums) {
+            T::registers_mut::<S>(values)[0] = sum;
+        }
+        tile.iter_mut().for_each(|value| *value = T::from_f64(value.to_f64() * scale));
+        done += N * width;
+    }
+    done
+}
+
+/// Adds `D` strides of taps: of tap r of every stride, then of tap r + 1 of every stride.
+#[inline(always)]
+fn strides<T: Sample, S: Simd, const N: usize, const D: usize>(
+    simd: S,
+    sums: &mut [T::Register<S>; N],
+    taps: &[T],
+    x: &[T],
+) {
+    let width = STRIDE_BYTES / size_of::<T>();
+    let (taps, x) = (&taps[..D * width], &x[..(N + D) * width - 1]);
+    let mut held = *sums;
+    for place in 0..width {
+        let mut weights = [T::splat(simd, T::default()); D];
+        for (stride, weight) in weights.iter_mut().enumerate() {
+            *weight = T::splat(simd, taps[stride * width + place]);
+        }
+        // A register of samples meets one tap of every stride, each for another register of outputs.
+        for (at, samples) in x[place..].chunks_exact(width).take(N + D - 1).enumerate() {
+            let samples = T::registers::<S>(samples)[0];
+            for stride in 0..D {
+                if at >= stride && at - stride < N {
+                    let sum = &mut held[at - stride];
+                    *sum = T::plus(simd, *sum, T::times(simd, weights[stride], samples));
+                }
+            }
         }
     }
-    tiles.len() * N
+    *sums = held;
+}
+
+/// The same sums in the same order, for CPUs with other registers and for what is left.
+#[inline(always)]
+fn one_by_one<T: Sample, const W: usize>(taps: &[T], scale: f64, x: &[T], out: &mut [T]) {
+    let mut lanes = out.chunks_exact_mut(W);
+    let mut done = 0;
+    for out in &mut lanes {
+        let mut sums = [T::default(); W];
+        in_order(taps, W, |k| {
+            for (sum, sample) in sums.iter_mut().zip(&x[done + k..done + k + W]) {
+                *sum = *sum + taps[k] * *sample;
+            }
+        });
+        for (out, sum) in out.iter_mut().zip(sums) {
+            *out = T::from_f64(sum.to_f64() * scale);
+        }
+        done += W;
+    }
+    for out in lanes.into_remainder() {
+        let mut sum = T::default();
+        in_order(taps, W, |k| sum = sum + taps[k] * x[done + k]);
+        *out = T::from_f64(sum.to_f64() * scale);
+        done += 1;
+    }
+}
+
+/// Calls with the index of every tap, in the order in which they are added.
+#[inline(always)]
+fn in_order<T>(taps: &[T], width: usize, mut add: impl FnMut(usize)) {
+    let (deep, flat) = (taps.len() / (DEPTH * width) * (DEPTH * width), taps.len());
+    for start in (0..deep).step_by(DEPTH * width) {
+        for place in 0..width {
+            for stride in 0..DEPTH {
+                add(start + stride * width + place);
+            }
+        }
+    }
+    (deep..flat).for_each(add);
 }
 
 #[cfg(test)]
