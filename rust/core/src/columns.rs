@@ -5,8 +5,8 @@ use std::ops::Range;
 use crate::ends::Mode;
 use crate::engine::{Runner, Sample};
 use crate::error::{Error, at_least};
-use crate::fit::ends::SIDE;
 use crate::frame::Layout;
+use crate::moves::{Collect, Spread, Transpose, dispatch};
 use crate::rows::{Row, Worker};
 
 /// Bytes of a tile, gathered samples and results together, that stay in the second cache.
@@ -108,22 +108,40 @@ impl<T: Sample> Worker<'_, T> {
         let (mut gathered, mut results) = (std::mem::take(&mut self.gathered), std::mem::take(&mut self.results));
         at_least(&mut gathered, length * strips)?;
         at_least(&mut results, result * strips * frame.orders)?;
-        let inner = frame.layout.inner;
-        for (index, place) in reads.clone().enumerate() {
-            let line = frame.source(place).map(|source| &x[source * inner + column..][columns.clone()]);
-            spread(line, frame.constant(), &mut gathered[index * lanes..], length);
-        }
+        self.spread(&x[column + columns.start..], columns.len(), &reads, &mut gathered);
         for strip in 0..strips {
             let results = &mut results[strip * result * frame.orders..][..result * frame.orders];
             let mut outs: Vec<&mut [T]> = results.chunks_mut(result.max(1)).collect();
             self.strip(&gathered[strip * length..][..length], &reads, outputs, &mut outs)?;
         }
-        for (index, line) in lines.iter_mut().enumerate() {
-            let at = index / outputs.len() * result + index % outputs.len() * lanes;
-            collect(&results[at..], result * frame.orders, &mut line[columns.clone()]);
+        for (order, lines) in lines.chunks_mut(outputs.len()).enumerate() {
+            let (strips, step) = (&results[order * result..], outputs.len() * frame.orders);
+            dispatch(Collect { strips, step, lines, offset: columns.start, width: columns.len() });
         }
         (self.gathered, self.results) = (gathered, results);
         Ok(())
+    }
+
+    /// The samples `reads` of the first `width` columns of `x`, in strips.
+    fn spread(&self, x: &[T], width: usize, reads: &Range<isize>, strips: &mut [T]) {
+        let (frame, inner) = (self.frame, self.frame.layout.inner);
+        let step = (reads.end - reads.start).cast_unsigned();
+        let inside = frame.within(reads);
+        let at = |place: isize| (place - reads.start).cast_unsigned();
+        if let Some(source) = inside.clone().next().and_then(|place| frame.source(place)) {
+            let (x, count, at) = (&x[source * inner..], at(inside.end) - at(inside.start), at(inside.start));
+            dispatch(Spread { x, inner, count, width, strips, step, at });
+        }
+        for place in (reads.start..inside.start).chain(inside.end..reads.end) {
+            let at = at(place);
+            if let Some(source) = frame.source(place) {
+                dispatch(Spread { x: &x[source * inner..], inner, count: 1, width, strips, step, at });
+                continue;
+            }
+            for line in strips.chunks_mut(T::LANES).skip(at).step_by(step).take(width.div_ceil(T::LANES)) {
+                line.fill(frame.constant());
+            }
+        }
     }
 
     /// Short rows: `outputs` of every row of `x`, a matrix with the samples at hand of a row in each.
@@ -139,13 +157,11 @@ impl<T: Sample> Worker<'_, T> {
         if rows < lanes {
             gathered.fill(T::default());
         }
-        let samples = frame.samples.cast_signed();
-        let inside = reads.start.clamp(0, samples)..reads.end.clamp(0, samples);
-        if !inside.is_empty() {
-            let from = (inside.start - frame.start.cast_signed()).cast_unsigned();
-            let to = (inside.start - reads.start).cast_unsigned() * lanes;
-            let length = (inside.end - inside.start).cast_unsigned();
-            transpose(&x[from..], held, &mut gathered[to..], lanes, (rows, length));
+        let inside = frame.within(&reads);
+        if let Some(source) = inside.clone().next().and_then(|place| frame.source(place)) {
+            let to = &mut gathered[(inside.start - reads.start).cast_unsigned() * lanes..];
+            let columns = (inside.end - inside.start).cast_unsigned();
+            dispatch(Transpose { from: &x[source..], from_step: held, to, to_step: lanes, rows, columns });
         }
         for (index, place) in reads.clone().enumerate().filter(|(_, place)| !inside.contains(place)) {
             let source = frame.source(place);
@@ -156,7 +172,8 @@ impl<T: Sample> Worker<'_, T> {
         let mut strips: Vec<&mut [T]> = results.chunks_mut(result.max(1)).take(frame.orders).collect();
         self.strip(&gathered[..length], &reads, outputs, &mut strips)?;
         for (strip, out) in strips.iter().zip(outs) {
-            transpose(strip, lanes, out, outputs.len(), (outputs.len(), rows));
+            let (rows, columns) = (outputs.len(), rows);
+            dispatch(Transpose { from: strip, from_step: lanes, to: out, to_step: rows, rows, columns });
         }
         (self.gathered, self.results) = (gathered, results);
         Ok(())
@@ -235,62 +252,5 @@ impl<T: Sample> Worker<'_, T> {
         }
         (self.gathered, self.results) = (gathered, results);
         Ok(())
-    }
-}
-
-/// Spreads one line over strips that lie `step` apart; a constant where there is none.
-#[inline]
-fn spread<T: Sample>(line: Option<&[T]>, constant: T, strips: &mut [T], step: usize) {
-    let lanes = T::LANES;
-    let Some(line) = line else {
-        strips.chunks_mut(step).for_each(|strip| strip[..lanes].fill(constant));
-        return;
-    };
-    for (index, values) in line.chunks(lanes).enumerate() {
-        let strip = &mut strips[index * step..][..lanes];
-        if values.len() == lanes {
-            strip.copy_from_slice(&values[..lanes]);
-        } else {
-            strip[..values.len()].copy_from_slice(values);
-            strip[values.len()..].fill(T::default());
-        }
-    }
-}
-
-/// The reverse of [`spread`].
-#[inline]
-fn collect<T: Sample>(strips: &[T], step: usize, line: &mut [T]) {
-    let lanes = T::LANES;
-    for (index, values) in line.chunks_mut(lanes).enumerate() {
-        let strip = &strips[index * step..][..lanes];
-        if values.len() == lanes {
-            values[..lanes].copy_from_slice(strip);
-        } else {
-            let count = values.len();
-            values.copy_from_slice(&strip[..count]);
-        }
-    }
-}
-
-/// `to[j][i] = from[i][j]` for matrices with the given steps from row to row, the first of which has the given size.
-fn transpose<T: Sample>(from: &[T], from_step: usize, to: &mut [T], to_step: usize, (rows, columns): (usize, usize)) {
-    for i in (0..rows).step_by(SIDE) {
-        for j in (0..columns).step_by(SIDE) {
-            if i + SIDE <= rows && j + SIDE <= columns {
-                let mut block = [[T::default(); SIDE]; SIDE];
-                for (k, line) in block.iter_mut().enumerate() {
-                    line.copy_from_slice(&from[(i + k) * from_step + j..][..SIDE]);
-                }
-                for k in 0..SIDE {
-                    to[(j + k) * to_step + i..][..SIDE].copy_from_slice(&block.map(|line| line[k]));
-                }
-                continue;
-            }
-            for i in i..rows.min(i + SIDE) {
-                for j in j..columns.min(j + SIDE) {
-                    to[j * to_step + i] = from[i * from_step + j];
-                }
-            }
-        }
     }
 }

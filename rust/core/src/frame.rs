@@ -122,13 +122,12 @@ impl<T: Sample> Frame<'_, T> {
 
     /// The samples of the row itself behind [`Frame::reads`].
     pub fn needs(&self, outputs: &Range<usize>) -> Range<usize> {
-        let (reads, samples) = (self.reads(outputs), self.samples.cast_signed());
-        let within = |place: isize| place.clamp(0, samples);
-        let inside = within(reads.start)..within(reads.end);
+        let reads = self.reads(outputs);
+        let inside = self.within(&reads);
         let mut needs = inside.start.cast_unsigned()..inside.end.cast_unsigned();
         // Extensions repeat after two rows.
         let outside = (reads.start..inside.start).rev().take(2 * self.samples);
-        for place in outside.chain((inside.end.max(reads.start)..reads.end).take(2 * self.samples)) {
+        for place in outside.chain((inside.end..reads.end).take(2 * self.samples)) {
             if let Some(source) = self.mode.source(place, self.samples) {
                 needs = if needs.is_empty() {
                     source..source + 1
@@ -138,6 +137,13 @@ impl<T: Sample> Frame<'_, T> {
             }
         }
         needs
+    }
+
+    /// The part of `reads` that lies in the row itself; where there is none, it is empty and lies where that would be.
+    pub fn within(&self, reads: &Range<isize>) -> Range<isize> {
+        let samples = self.samples.cast_signed();
+        let start = reads.start.max(0).min(reads.end);
+        start..reads.end.min(samples).max(start)
     }
 
     /// Where in the rows at hand the sample at `place` of the extended row is; none where a constant stands.

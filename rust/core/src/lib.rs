@@ -44,6 +44,7 @@ pub mod fit;
 mod frame;
 pub mod jacobi;
 pub mod kernel;
+mod moves;
 pub mod paper;
 pub mod plan;
 pub mod quadrature;

@@ -23,7 +23,7 @@ const BLOCK: usize = 4;
 const LARGEST: usize = 1 << 16;
 
 /// Rows that are estimated side by side.
-pub const SIDE: usize = 8;
+const SIDE: usize = 8;
 
 /// Coefficients and estimates of a fit as sums of products.
 #[derive(Debug)]
