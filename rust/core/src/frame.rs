@@ -64,11 +64,6 @@ impl<T: Sample> Frame<'_, T> {
         self.wanted.len()
     }
 
-    /// Cuts between windows that start at multiples of this change no bit of the results.
-    pub fn grid(&self) -> usize {
-        1
-    }
-
     /// Where the window of an output starts.
     pub fn window(&self, output: usize) -> isize {
         output.cast_signed() - self.center
@@ -76,7 +71,7 @@ impl<T: Sample> Frame<'_, T> {
 
     /// How many outputs from `output` on make a piece that ends on the grid.
     pub fn piece(&self, output: usize, at_most: usize) -> usize {
-        let grid = self.grid();
+        let grid = grid(self.runner);
         let length = at_most.next_multiple_of(grid).max(1);
         length - self.window(output).rem_euclid(grid.cast_signed()).cast_unsigned()
     }
@@ -104,20 +99,19 @@ impl<T: Sample> Frame<'_, T> {
     pub fn reads(&self, outputs: &Range<usize>) -> Range<isize> {
         let (span, samples) = (self.runner.span().cast_signed(), self.samples.cast_signed());
         let body = self.body(outputs);
-        let mut reads = if body.is_empty() {
-            isize::MAX..isize::MIN
-        } else {
-            self.window(body.start)..self.window(body.end - 1) + span
-        };
+        let (mut first, mut last) = (isize::MAX, isize::MIN);
+        if !body.is_empty() {
+            (first, last) = (self.window(body.start), self.window(body.end - 1) + span);
+        }
         if !self.ends.is_empty() {
             if outputs.start < body.start {
-                reads = reads.start.min(0)..reads.end.max(span);
+                (first, last) = (first.min(0), last.max(span));
             }
             if body.end < outputs.end {
-                reads = reads.start.min(samples - span)..reads.end.max(samples);
+                (first, last) = (first.min(samples - span), last.max(samples));
             }
         }
-        if reads.is_empty() { 0..0 } else { reads }
+        if first < last { first..last } else { 0..0 }
     }
 
     /// The samples of the row itself behind [`Frame::reads`].
@@ -155,4 +149,9 @@ impl<T: Sample> Frame<'_, T> {
     pub fn constant(&self) -> T {
         T::from_f64(if let Mode::Constant(value) = self.mode { value } else { 0.0 })
     }
+}
+
+/// Cuts between windows that start at multiples of this change no bit of the results.
+fn grid<T: Sample>(_runner: &Runner<T>) -> usize {
+    1
 }

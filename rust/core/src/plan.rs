@@ -181,18 +181,15 @@ impl Plan {
     /// The fit of degree `degree`, by which the ends of the data are estimated: refused if it misses its moments there.
     pub fn end(&self, control: &impl Control) -> Result<End<'_>, Error> {
         let fit = self.fit(control)?;
-        let tables = match self.end_tables.get() {
-            Some(tables) => tables,
-            None => {
-                if self.design.rule == Rule::Exact {
-                    fit.check_ends(self.design.deriv)?;
-                }
-                let tables = fit.end_tables(self.design.deriv)?;
-                self.end_tables.get_or_init(|| tables)
+        if self.end_tables.get().is_none() {
+            if self.design.rule == Rule::Exact {
+                fit.check_ends(self.design.deriv)?;
             }
-        };
+            let _ = self.end_tables.set(fit.end_tables(self.design.deriv)?);
+        }
+        let tables = self.end_tables.get().and_then(Option::as_ref);
         let (deriv, unit, keeps_constants) = (self.design.deriv, self.unit, self.keeps_constants());
-        Ok(End { fit, tables: tables.as_ref(), deriv, unit, keeps_constants })
+        Ok(End { fit, tables, deriv, unit, keeps_constants })
     }
 
     fn fit(&self, control: &impl Control) -> Result<&Fit, Error> {

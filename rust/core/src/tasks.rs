@@ -103,12 +103,7 @@ impl<'f, 'o, T: Sample> Tasks<'f, 'o, T> {
 
     /// The next `length` elements of every order.
     fn take(&mut self, length: usize) -> Vec<&'o mut [T]> {
-        let cut = |rest: &mut &'o mut [T]| {
-            let length = length.min(rest.len());
-            let (taken, left) = std::mem::take(rest).split_at_mut(length);
-            *rest = left;
-            taken
-        };
+        let cut = |rest| split(rest, length);
         self.rest.iter_mut().map(cut).collect()
     }
 
@@ -134,11 +129,7 @@ impl<'f, 'o, T: Sample> Tasks<'f, 'o, T> {
         if left <= self.width {
             return Task::Panel { outer, column, outputs, lines: std::mem::take(&mut self.lines) };
         }
-        let cut = |line: &mut &'o mut [T]| {
-            let (taken, rest) = std::mem::take(line).split_at_mut(self.width);
-            *line = rest;
-            taken
-        };
+        let cut = |line| split(line, self.width);
         Task::Panel { outer, column, outputs, lines: self.lines.iter_mut().map(cut).collect() }
     }
 }
@@ -163,4 +154,11 @@ impl<'o, T: Sample> Iterator for Tasks<'_, 'o, T> {
         let (outer, outputs) = (self.outer, self.outputs.clone());
         Some(Task::Rows { outer, outs: self.take(outputs.len()), outputs })
     }
+}
+
+/// Takes the first `length` elements off, or all.
+#[expect(clippy::mut_mut, reason = "the slice itself is moved on")]
+fn split<'o, T>(rest: &mut &'o mut [T], length: usize) -> &'o mut [T] {
+    let length = length.min(rest.len());
+    rest.split_off_mut(..length).unwrap_or_default()
 }

@@ -2,6 +2,7 @@
 //!
 //! Threads are scoped and end with the run: a pool of threads would hang in a forked child.
 
+use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread::{self, Thread};
@@ -145,25 +146,7 @@ fn work_alone<'o, T: Sample + 'o>(
             }
             Task::Rows { outer, outputs, outs } => {
                 let done = outs.first().map_or(0, |out| out.len());
-                let bundled = frame.gather == Gather::Bundles;
-                let per_call = outputs.len() * if bundled { T::LANES } else { 1 };
-                let mut pieces: Vec<_> = outs.into_iter().map(|out| out.chunks_mut(per_call)).collect();
-                let mut number = outer;
-                loop {
-                    let mut outs: Vec<&mut [T]> = pieces.iter_mut().filter_map(Iterator::next).collect();
-                    let rows = outs.first().map_or(0, |out| out.len() / outputs.len());
-                    if rows == 0 {
-                        break;
-                    }
-                    let x = &x[number * matrix..(number + rows) * matrix];
-                    if bundled {
-                        worker.bundle(x, &outputs, &mut outs)?;
-                    } else {
-                        let row = Row { x, start: frame.start.cast_signed(), number, extended: false };
-                        worker.row(row, outputs.clone(), &mut outs, between)?;
-                    }
-                    number += rows;
-                }
+                rows(&mut worker, x, outer, &outputs, outs, between)?;
                 done
             }
         };
@@ -171,4 +154,34 @@ fn work_alone<'o, T: Sample + 'o>(
         worker.proceed(between)?;
     }
     Ok(())
+}
+
+/// `outputs` of the rows from `outer` on, as many as there is place for in every one of `outs`.
+fn rows<T: Sample>(
+    worker: &mut Worker<'_, T>,
+    x: &[T],
+    outer: usize,
+    outputs: &Range<usize>,
+    outs: Vec<&mut [T]>,
+    between: &mut impl FnMut(),
+) -> Result<(), Error> {
+    let (held, start) = (worker.frame.layout.samples, worker.frame.start.cast_signed());
+    let bundled = worker.frame.gather == Gather::Bundles;
+    let per_call = outputs.len() * if bundled { T::LANES } else { 1 };
+    let mut pieces: Vec<_> = outs.into_iter().map(|out| out.chunks_mut(per_call)).collect();
+    let mut number = outer;
+    loop {
+        let mut outs: Vec<&mut [T]> = pieces.iter_mut().filter_map(Iterator::next).collect();
+        let rows = outs.first().map_or(0, |out| out.len() / outputs.len());
+        if rows == 0 {
+            return Ok(());
+        }
+        let x = &x[number * held..(number + rows) * held];
+        if bundled {
+            worker.bundle(x, outputs, &mut outs)?;
+        } else {
+            worker.row(Row { x, start, number, extended: false }, outputs.clone(), &mut outs, between)?;
+        }
+        number += rows;
+    }
 }
