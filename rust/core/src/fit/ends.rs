@@ -244,3 +244,38 @@ fn sums<T: Sample, const N: usize>(
     }
     sums
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::Unattended;
+    use crate::jacobi::Jacobi;
+
+    #[test]
+    fn tables_agree_with_the_fitted_coefficients_and_lanes_with_rows() {
+        let family = Jacobi { alpha: 0.5, beta: 1.0 };
+        for (deriv, degree, span) in [(0, 2, 9), (1, 3, 61), (2, 7, 40), (3, 3, 8)] {
+            let fit = Fit::least_squares(family, degree, span, 0..span, &Unattended).expect("fits");
+            let tables = fit.end_tables(deriv).expect("small").expect("small");
+            let end = End { fit: &fit, tables: Some(&tables), deriv, unit: 0.5, keeps_constants: true };
+            let strip: Vec<f64> = (0..span * 8).map(|k| 3.0 + (0.37 * k as f64).sin()).collect();
+            let (outputs, position) = (span + 4, -2);
+            let mut lanes = vec![0.0; outputs * 8];
+            end.estimate_lanes(&strip, position, &mut lanes, &mut Vec::new()).expect("small");
+            for lane in 0..8 {
+                let row: Vec<f64> = strip[lane..].iter().step_by(8).copied().collect();
+                let (mut alone, mut slow) = (vec![0.0; outputs], vec![0.0; outputs]);
+                end.estimate(&tables, &row, position, &mut alone, &mut Vec::new()).expect("small");
+                let fill = |start: usize, part: &mut [f64]| {
+                    part.iter_mut().zip(&row[start..]).for_each(|(value, x)| *value = x - row[0]);
+                };
+                end.evaluate(&fit.coefficients(fill).expect("small"), row[0], position, &mut slow);
+                let peak = slow.iter().fold(0.0_f64, |peak, value: &f64| peak.max(value.abs()));
+                for (index, (alone, slow)) in alone.iter().zip(&slow).enumerate() {
+                    assert_eq!(alone.to_bits(), lanes[index * 8 + lane].to_bits());
+                    assert!((alone - slow).abs() <= 1e-13 * peak, "{deriv} {index}: {alone} {slow}");
+                }
+            }
+        }
+    }
+}
