@@ -78,9 +78,9 @@ def test_random_parts_have_the_bits_of_the_whole(mode: str, tau: float, dtype: t
         count = int(rng.integers(1, outputs - first + 1))
         center = 0 if mode == "valid" else int(np.floor(tau * length - 0.5 + 0.5 + 1e-9))
         need = needed(mode, length, center, samples, first, count)
-        low, high = need or (0, 0)
-        start, end = int(rng.integers(0, low + 1)), int(rng.integers(high, samples + 1))
-        for low, high in [(low, high), (start, end)]:
+        least = need or (0, 0)
+        more = int(rng.integers(0, least[0] + 1)), int(rng.integers(least[1], samples + 1))
+        for low, high in [least, more]:
             held = np.ascontiguousarray(x[:, low:high])
             out = np.full((len(orders), outer, count, inner), 7.0, dtype)
             part = (low, samples, first)
