@@ -90,6 +90,8 @@ class Bank:
         cval: float = 0.0,
         *,
         half_sample: bool = False,
+        aligned: bool = False,
+        part: tuple[int, int, int] | None = None,
         threads: int = 0,
         progress: Callable[[float], object] | None = None,
     ) -> None: ...
