@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import SupportsIndex
 
 from numpy.typing import ArrayLike
 
+from algdiff import _orders as orders
 from algdiff._arguments import Samples
-from algdiff._differentiator import Differentiator
+from algdiff._differentiator import remembered
 
 
 def differentiate(
     x: ArrayLike,
     window_length: SupportsIndex,
-    deriv: SupportsIndex = 1,
+    deriv: SupportsIndex | Sequence[SupportsIndex] = 1,
     *,
     degree: SupportsIndex | None = None,
     kappa: float = 1.0,
@@ -27,6 +29,7 @@ def differentiate(
     cval: complex = 0.0,
     rule: str = "exact",
     trim: float = 0.0,
+    engine: str = "auto",
     out: Samples | None = None,
     threads: int | None = None,
 ) -> Samples:
@@ -63,6 +66,8 @@ def differentiate(
         How the continuous kernel becomes weights.
     trim : float
         Leave out at either end of the window what holds at most this share of the weights.
+    engine : {"auto", "direct", "moments", "fft"}
+        How the weights are applied; "auto" takes the one that is likely to be the fastest.
     out : ndarray, optional
         Where the result goes.
     threads : int, optional
@@ -88,6 +93,9 @@ def differentiate(
     >>> bool(np.allclose(acceleration, 6 * t))
     True
     """
-    words = {"degree": degree, "kappa": kappa, "mu": mu, "tau": tau, "delay": delay, "delta": delta, "fs": fs}
-    design = Differentiator(window_length, deriv, **words, rule=rule, trim=trim)  # type: ignore[arg-type]
+    if type(deriv) is not int:
+        deriv = orders.checked(deriv)
+    design = remembered(window_length, deriv, degree, kappa, mu, tau, delay, delta, fs, rule, trim, engine)
+    if design._crowded:
+        design._warn()
     return design(x, axis, mode=mode, cval=cval, out=out, threads=threads)

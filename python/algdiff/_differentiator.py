@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 from typing import Any, SupportsIndex
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from algdiff import _arguments as arguments
-from algdiff import _choice as choice
+from algdiff import _designs as designs
 from algdiff import _export as export
 from algdiff import _report as report
-from algdiff._arguments import Samples
+from algdiff._arguments import Progress, Samples
 from algdiff._core import Bank, Plan
 from algdiff._filter import Filter
-from algdiff._run import Progress, run
+from algdiff._orders import single
+from algdiff._run import run
 from algdiff._warnings import DesignWarning, outside
+from algdiff._wishes import Wishes
 
 
-class Differentiator(Filter):
+class Differentiator(Wishes, Filter):
     r"""A frozen design: one window, its weights and what they do to signal and noise.
 
     Every output is the derivative of order `deriv`, at the point `tau` of its window, of the polynomial of degree
@@ -132,7 +135,7 @@ class Differentiator(Filter):
     def __init__(
         self,
         window_length: SupportsIndex,
-        deriv: SupportsIndex = 1,
+        deriv: SupportsIndex | Sequence[SupportsIndex] = 1,
         *,
         degree: SupportsIndex | None = None,
         kappa: float = 1.0,
@@ -143,55 +146,90 @@ class Differentiator(Filter):
         fs: float | None = None,
         rule: str = "exact",
         trim: float = 0.0,
+        engine: str = "auto",
     ) -> None:
-        if tau is not None and delay is not None:
-            raise ValueError(f"give tau or delay, not both: got tau = {tau!r} and delay = {delay!r}")
-        share = arguments.real("trim", trim)
-        if delay is not None and share != 0:
-            raise ValueError(
-                f"give delay or trim, not both: got delay = {delay!r} and trim = {trim!r}; what is left out at the "
-                "newest end shortens the delay, so say tau"
-            )
-        arguments.word("rule", rule, "a word such as 'exact'")
-        self._set(
-            {
-                "window_length": arguments.integer("window_length", window_length, 1),
-                "deriv": arguments.integer("deriv", deriv, 0),
-                "degree": None if degree is None else arguments.integer("degree", degree, 0),
-                "kappa": arguments.real("kappa", kappa),
-                "mu": arguments.real("mu", mu),
-                "tau": None if tau is None else arguments.word_or_real("tau", tau),
-                "delay": None if delay is None else arguments.real("delay", delay),
-                "delta": arguments.sampling_step(delta, fs),
-                "rule": rule,
-                "trim": share,
-            }
-        )
-        limit = 1.5 * math.sqrt(self.window_length)
-        if self.degree > limit:
-            message = (
-                f"degree {self.degree} exceeds 1.5 sqrt(window_length) = {limit:.3g}: "
-                f"from there on the noise gain grows steeply; it is {self.noise_gain:.3g}"
-            )
-            warnings.warn(message, DesignWarning, stacklevel=outside())
+        self._set(designs.asked(window_length, deriv, degree, kappa, mu, tau, delay, delta, fs, rule, trim, engine))
+        self._warn()
 
     def _set(self, asked: dict[str, Any]) -> None:
         """Design from checked arguments; what was left out is None."""
-        values = dict(asked)
+        values = {name: value for name, value in asked.items() if name != "engine"}
+        deriv = values.pop("deriv")
+        orders = deriv if isinstance(deriv, tuple) else (deriv,)
         if values["degree"] is None:
-            values["degree"] = values["deriv"] + 2
+            values["degree"] = max(orders) + 2
         if values["tau"] is None and values["delay"] is None:
             values["tau"] = "center"
-        plan = Plan(**values)
-        weights = np.empty(plan.span)
-        plan.weights(weights)
+        plans = [Plan(deriv=order, **values) for order in orders]
+        weights = np.empty((len(plans), plans[0].span))
+        for plan, row in zip(plans, weights, strict=True):
+            plan.weights(row)
         weights.flags.writeable = False
         del values["delay"]
-        for name, value in {**values, "tau": plan.tau}.items():
-            object.__setattr__(self, name, value)
+        values["tau"] = plans[0].tau
+        self._keep({**values, "deriv": deriv}, asked, plans, weights)
+
+    def _keep(
+        self, values: dict[str, Any], asked: dict[str, Any], plans: list[Plan], weights: NDArray[np.float64]
+    ) -> None:
         # A view of a read-only array cannot be made writeable again.
-        for name, value in {"_plan": plan, "_bank": Bank([plan]), "_weights": weights.view(), "_asked": asked}.items():
+        kept = {
+            "_asked": asked,
+            "_plans": plans,
+            "_plan": plans[0],
+            "_bank": Bank(plans, asked["engine"]),
+            "_leading": len(plans) if isinstance(asked["deriv"], tuple) else None,
+            "_weights": weights[:] if isinstance(asked["deriv"], tuple) else weights[0],
+            "_crowded": values["degree"] > 1.5 * math.sqrt(values["window_length"]),
+        }
+        for name, value in {**values, **kept}.items():
             object.__setattr__(self, name, value)
+
+    def _warn(self) -> None:
+        if self._crowded:
+            gains = " and ".join(f"{one.noise_gain:.3g}" for one in self.orders)
+            message = (
+                f"degree {self.degree} exceeds 1.5 sqrt(window_length) = {1.5 * math.sqrt(self.window_length):.3g}: "
+                f"from there on the noise gain grows steeply; it is {gains}"
+            )
+            warnings.warn(message, DesignWarning, stacklevel=outside())
+
+    @property
+    def orders(self) -> tuple[Differentiator, ...]:
+        """The designs of the single orders, in the order of `deriv`; of one order, the design itself."""
+        if self._leading is None:
+            return (self,)
+        return tuple(self._order(index) for index in range(self._leading))
+
+    def _order(self, index: int) -> Differentiator:
+        changes = {"deriv": self.deriv[index], "degree": self.degree}
+        values = {name: getattr(self, name) for name in self._names} | changes
+        design = object.__new__(Differentiator)
+        design._keep(
+            values, {**self._asked, **changes}, self._plans[index : index + 1], self._weights[index : index + 1]
+        )
+        return design
+
+    @property
+    def engine(self) -> str:
+        """The engine that runs float64 and complex128: of "auto", the one that was chosen."""
+        return self._bank.engine(single=False)
+
+    def engine_for(self, dtype: DTypeLike) -> str:
+        """Return the engine that runs samples of `dtype`.
+
+        Parameters
+        ----------
+        dtype : dtype
+            float32 and complex64 are run in single, everything else in double precision.
+
+        Examples
+        --------
+        >>> from algdiff import Differentiator
+        >>> Differentiator(61, engine="direct").engine_for("float32")
+        'direct'
+        """
+        return self._bank.engine(single=arguments.working_dtype(np.dtype(dtype)) in (np.float32, np.complex64))
 
     def __call__(
         self,
@@ -248,150 +286,18 @@ class Differentiator(Filter):
         MemoryError
             The result does not fit into memory.
         """
-        options: dict[str, Any] = {"mode": mode, "cval": cval, "out": out, "threads": threads, "progress": progress}
-        return run(self._bank, self._plan.span, x, axis=axis, **options)
-
-    @classmethod
-    def from_cutoff(cls, cutoff: float, deriv: SupportsIndex = 1, *, unit: str = "Hz", **design: Any) -> Differentiator:
-        """Return the design whose cutoff is nearest to `cutoff`.
-
-        Parameters
-        ----------
-        cutoff : float
-            Where the amplitude leaves that of an ideal differentiator (Kiltz and Rudolph; `half_power` is the -3 dB
-            point).
-        deriv : int
-            Order of the derivative.
-        unit : {"Hz", "rad/s"}
-            Of `cutoff`: cycles or radians per unit of `delta`.
-        **design
-            The other arguments of `Differentiator`, without `window_length`.
-
-        Returns
-        -------
-        Differentiator
-            Its `cutoff` says, in Hz, what a whole number of samples came to.
-
-        Raises
-        ------
-        ValueError
-            `cutoff` is not positive, or so high that no window of ``degree + 1`` samples reaches it; or the kernel has
-            no cutoff.
-
-        Warns
-        -----
-        DesignWarning
-            The kernel damps the Nyquist frequency by less than 10 dB against the cutoff: the weights cannot follow it.
-
-        Examples
-        --------
-        >>> from algdiff import Differentiator
-        >>> d = Differentiator.from_cutoff(20, fs=1000)
-        >>> d.window_length, round(d.cutoff, 2)
-        (47, 20.13)
-        """
-        return choice.from_cutoff(cls, cutoff, deriv, unit, design)
-
-    @classmethod
-    def from_duration(cls, duration: float, deriv: SupportsIndex = 1, **design: Any) -> Differentiator:
-        """Return the design whose window is nearest to `duration` long.
-
-        Parameters
-        ----------
-        duration : float
-            Length T of the window, in the unit of `delta`: rounded to the nearest whole number of steps (up at one
-            half; for "simpson" to the nearest even number), which are `window_length` with rules on cells and one less
-            on nodes.
-        deriv : int
-            Order of the derivative.
-        **design
-            The other arguments of `Differentiator`, without `window_length`.
-
-        Returns
-        -------
-        Differentiator
-            Its `duration` says what it came to.
-
-        Examples
-        --------
-        >>> from algdiff import Differentiator
-        >>> d = Differentiator.from_duration(0.3, delta=0.007)
-        >>> d.window_length, round(d.duration, 3)
-        (43, 0.301)
-        """
-        return choice.from_duration(cls, duration, deriv, design)
-
-    @classmethod
-    def from_delay(
-        cls, delay: float, deriv: SupportsIndex = 1, *, tau: float | str = "center", **design: Any
-    ) -> Differentiator:
-        """Return the design with the point of estimation `tau` whose delay is nearest to `delay`.
-
-        A longer window damps more noise, so that this is the longest window that a delay allows at this `tau`. For a
-        given window and delay use ``Differentiator(window_length, delay=...)``, for the best of all `delay_tradeoff`.
-
-        Parameters
-        ----------
-        delay : float
-            Time from the estimate to the newest sample, in the unit of `delta`, positive.
-        deriv : int
-            Order of the derivative.
-        tau : {"center", "root"} or float
-            Point of estimation, below 1.
-        **design
-            The other arguments of `Differentiator`, without `window_length` and `delay`.
-
-        Returns
-        -------
-        Differentiator
-            Its `delay` says what it came to.
-
-        Examples
-        --------
-        >>> from algdiff import Differentiator
-        >>> d = Differentiator.from_delay(0.05, tau="root", fs=1000)
-        >>> d.window_length, round(d.delay, 4)
-        (239, 0.05)
-        """
-        return choice.from_delay(cls, delay, deriv, tau, design)
-
-    @classmethod
-    def from_notch(
-        cls, frequency: float, deriv: SupportsIndex = 1, *, order: SupportsIndex = 1, unit: str = "Hz", **design: Any
-    ) -> Differentiator:
-        """Return a design that annihilates a frequency.
-
-        The response of a symmetric window has zeros. The window is made as long as puts the `order`-th of them next to
-        `frequency`, and the exponents, equal at both ends, are then moved until it is there: to rounding, at the whole
-        number of samples. They move little for windows of many samples, and by 1 or more for those of a few.
-
-        Parameters
-        ----------
-        frequency : float
-            The frequency to annihilate, above 0 and below half the sampling rate.
-        deriv : int
-            Order of the derivative.
-        order : int
-            Which zero of the response, counted from 1: higher ones give longer windows.
-        unit : {"Hz", "rad/s"}
-            Of `frequency`: cycles or radians per unit of `delta`.
-        **design
-            The other arguments of `Differentiator`, without `window_length`; `tau` must be "center" and `kappa` equal
-            to `mu`, the exponent to start from.
-
-        Returns
-        -------
-        Differentiator
-            Its `kappa` and `mu` say what the exponents came to.
-
-        Examples
-        --------
-        >>> from algdiff import Differentiator
-        >>> d = Differentiator.from_notch(50, fs=1000)
-        >>> d.window_length, round(d.kappa, 3), bool(abs(d.frequency_response(50)) < 1e-9)
-        (51, 1.045, True)
-        """
-        return choice.from_notch(cls, frequency, deriv, order, unit, design)
+        return run(
+            self._bank,
+            self._plan,
+            x,
+            orders=self._leading,
+            axis=axis,
+            mode=mode,
+            cval=cval,
+            out=out,
+            threads=threads,
+            progress=progress,
+        )
 
     def summary(self) -> report.Summary:
         """Return the design in plain numbers and words, as JSON can hold them.
@@ -414,6 +320,7 @@ class Differentiator(Filter):
         >>> summary["delay"], summary["delay_samples"], summary["exactness"], summary["roll_off"]
         (0.025, 25.0, 4, 60.0)
         """
+        single("a summary", self)
         return report.summary(self)
 
     def to_c(self, name: str = "differentiator") -> str:
@@ -446,6 +353,7 @@ class Differentiator(Filter):
         #define VELOCITY_DELAY 0.2
         #define VELOCITY_DELAY_SAMPLES 2.0
         """
+        single("a C header", self)
         return export.to_c(self, name)
 
     def replace(self, **changes: Any) -> Differentiator:
@@ -475,7 +383,9 @@ class Differentiator(Filter):
 
     @property
     def _key(self) -> tuple[Any, ...]:
-        return tuple(getattr(self, name) for name in self._names)
+        """What the design does, whatever words it was asked for by."""
+        engines = self._bank.engine(single=False), self._bank.engine(single=True)
+        return (*(getattr(self, name) for name in self._names), engines)
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"a Differentiator does not change: cannot set {name}, see replace()")
@@ -490,15 +400,23 @@ class Differentiator(Filter):
         return hash(self._key)
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
-        return _rebuild, (self._asked,)
+        return rebuild, (self._asked,)
 
     def __repr__(self) -> str:
-        words = ", ".join(f"{name}={value!r}" for name, value in zip(self._names, self._key, strict=True))
-        return f"Differentiator({words})"
+        words = [f"{name}={getattr(self, name)!r}" for name in self._names]
+        return f"Differentiator({', '.join(words)}, engine={self._asked['engine']!r})"
 
 
-def _rebuild(asked: dict[str, Any]) -> Differentiator:
-    """Undo `Differentiator.__reduce__`; whoever made the design has had its warning."""
+def rebuild(asked: dict[str, Any]) -> Differentiator:
+    """Return the design without a warning: whoever made it has had it, or will be given it."""
     design = object.__new__(Differentiator)
     design._set(asked)
     return design
+
+
+@designs.remembered
+def remembered(*words: Any) -> tuple[Differentiator, int]:
+    """Return the design of the arguments of `_designs.asked`, one for all who ask; the warning is left to them."""
+    design = rebuild(designs.asked(*words))
+    # Weights, taps of both precisions at two points, and the fit at the ends.
+    return design, len(design._plans) * design.window_length * (design.degree + 10)

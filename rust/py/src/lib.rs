@@ -284,6 +284,11 @@ impl Plan {
     }
 
     #[getter]
+    fn aligned_position(&self) -> isize {
+        self.0.aligned_position()
+    }
+
+    #[getter]
     fn exactness(&self) -> Option<usize> {
         self.0.exactness()
     }
