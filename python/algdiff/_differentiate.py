@@ -44,10 +44,10 @@ def differentiate(
         Samples, `delta` apart along `axis`.
     window_length : int
         Number of samples in the window.
-    deriv : int
-        Order of the derivative; 0 smooths.
+    deriv : int or sequence of int
+        Order of the derivative; 0 smooths. Several are computed in one pass.
     degree : int, optional
-        Degree of the local polynomial; default ``deriv + 2``.
+        Degree of the local polynomial; default ``deriv + 2``, of several orders the highest.
     kappa, mu : float
         Exponents of the weight at the oldest and the newest end of the window, greater than -1.
     tau : {"center", "root", "newest"} or float, optional
@@ -57,7 +57,7 @@ def differentiate(
     delta, fs : float, optional
         Sampling step (default 1), or sampling rate.
     axis : int
-        The axis of time.
+        The axis of time in `x`.
     mode : {"fit", "valid", "nan", "nearest", "mirror", "wrap", "constant"}
         What happens at the ends; "fit" goes on to the last sample, "valid" gives the whole windows only.
     cval : float
@@ -77,7 +77,8 @@ def differentiate(
     -------
     ndarray
         The estimates, in the shape of `x` (shorter along `axis` in mode "valid"), in the unit of `x` over that of
-        ``delta**deriv``; float32 and complex64 stay, everything else becomes float64 or complex128.
+        ``delta**deriv``; float32 and complex64 stay, everything else becomes float64 or complex128. Several orders
+        lie along a leading axis, in the order of `deriv`.
 
     Raises
     ------
@@ -91,6 +92,9 @@ def differentiate(
     >>> t = np.linspace(0, 1, 101)
     >>> acceleration = differentiate(t**3, 21, deriv=2, delta=0.01)
     >>> bool(np.allclose(acceleration, 6 * t))
+    True
+    >>> velocity, acceleration = differentiate(t**3, 21, deriv=(1, 2), delta=0.01)
+    >>> bool(np.allclose(velocity, 3 * t**2))
     True
     """
     if type(deriv) is not int:

@@ -34,16 +34,17 @@ class Differentiator(Wishes, Filter):
     ----------
     window_length : int
         Number of samples in the window, from ``degree + 1`` to 10,000,000; even or odd.
-    deriv : int
-        Order of the derivative; 0 smooths.
+    deriv : int or sequence of int
+        Order of the derivative; 0 smooths. Several different orders are computed in one pass, from one window and with
+        one delay, and results get a leading axis over them.
     degree : int, optional
-        Degree of the local polynomial, from `deriv` to 500; default ``deriv + 2``.
+        Degree of the local polynomial, from `deriv` to 500; default ``deriv + 2``, of several orders the highest.
     kappa, mu : float
         Exponents of the weight at the oldest and the newest end of the window, greater than -1.
     tau : {"center", "root", "newest"} or float, optional
         Point of estimation in the window: 0 is its oldest, 1 its newest end. "center" (the default) is 1/2, "root"
         the point nearest to the newest sample at which one more degree is reproduced, "newest" the newest sample
-        itself. Numbers above 1 predict.
+        itself. Numbers above 1 predict. Several orders have no "root" in common.
     delay : float, optional
         Instead of `tau`: the time from the estimate to the newest sample, in the unit of `delta`.
     delta : float, optional
@@ -63,12 +64,20 @@ class Differentiator(Wishes, Filter):
         weights' sizes. `window_length` and `tau` go on describing the nominal window, and so do `cutoff` and `kernel`;
         `weights` is shorter and `delay` less by what is left out at the newest end: below 0, a prediction, for
         "newest". With the rule "exact" the rest is fitted anew and as exact as before; with the others it is just
-        what is left.
+        what is left. What is left out depends on the order, so that there must be one.
+    engine : {"auto", "direct", "moments", "fft"}
+        How the weights are applied. "direct" adds every tap of every output, and gives the same bits however the data
+        are cut; the others cost less for long windows, and agree with it to rounding. "auto" takes the one that is
+        likely to be the fastest for the window, the orders and the dtype.
 
     Attributes
     ----------
     window_length, deriv, degree, kappa, mu, tau, delay, delta, fs, rule, trim
-        The arguments; `tau` as a number, `delay` in the unit of `delta`.
+        The arguments; `tau` as a number, `delay` in the unit of `delta`, several orders as a tuple.
+    engine : str
+        The engine that runs float64 and complex128; see `engine_for`.
+    orders : tuple of Differentiator
+        The designs of the single orders; of one order, the design itself.
     duration : float
         Length T of the window, in the unit of `delta`.
     delay_samples : float
@@ -101,6 +110,12 @@ class Differentiator(Wishes, Filter):
     kernel : Kernel
         The continuous kernel that the weights discretise.
 
+    Notes
+    -----
+    With several orders, `weights` and what the methods return for points in time or frequency have a leading axis over
+    them, and attributes that depend on the order (`noise_gain` to `kernel` above) are tuples. Summaries, C headers and
+    pictures are of one order: take it from `orders`.
+
     Raises
     ------
     ValueError
@@ -127,6 +142,12 @@ class Differentiator(Wishes, Filter):
     (2.0, 2)
     >>> t = np.arange(0, 1, 0.1)
     >>> bool(np.allclose(d(t**2), 2 * t))
+    True
+
+    Signal, slope and curvature in one pass:
+
+    >>> signal, slope, curvature = Differentiator(5, (0, 1, 2), kappa=0, mu=0, delta=0.1)(t**2)
+    >>> bool(np.allclose(signal, t**2) and np.allclose(slope, 2 * t) and np.allclose(curvature, 2))
     True
     """
 
@@ -248,10 +269,11 @@ class Differentiator(Wishes, Filter):
         ----------
         x : array_like
             Samples, `delta` apart along `axis`. float32 and complex64 are computed in single, everything else in
-            double precision; complex data as two real passes. Not changed, and not to be changed by others during
-            the call.
+            double precision; complex data as two real passes. What is not a contiguous array of native floats, in
+            whatever order of its axes, is converted block by block: a memory map of a file may be longer than the
+            memory. Not changed, and not to be changed by others during the call.
         axis : int
-            The axis of time.
+            The axis of time in `x`.
         mode : {"fit", "valid", "nan", "nearest", "mirror", "wrap", "constant"}
             "valid" gives the estimates of all whole windows, ``window_length - 1`` fewer than samples: output `j`
             belongs to the samples from `j` on and to the point `tau` of their window. In all other modes output `i`
@@ -266,7 +288,8 @@ class Differentiator(Wishes, Filter):
             Where the result goes: of its shape and dtype, not overlapping `x`.
         threads : int, optional
             At most this many threads, and four for every processor; by default ``ALGDIFF_NUM_THREADS`` or the
-            processors of the process. The result is the same to the bit.
+            processors of the process, but one in a task of Dask, which runs as many tasks. The result is the same to
+            the bit.
         progress : callable, optional
             Called now and then with the fraction that is done.
 
@@ -274,7 +297,8 @@ class Differentiator(Wishes, Filter):
         -------
         ndarray
             The estimates, in the unit of `x` over that of ``delta**deriv``. A NaN in `x` makes every estimate NaN
-            whose window contains it, and no other; so does an infinity.
+            whose window contains it, and no other; so does an infinity. Of several orders, along a leading axis. The
+            axes lie in memory in the order of those of `x`.
 
         Raises
         ------
@@ -360,7 +384,8 @@ class Differentiator(Wishes, Filter):
         """Return a design with some arguments changed, the others as they were given.
 
         Words and defaults are resolved anew: "newest" stays the newest sample under another window length. `delay` and
-        `tau` replace each other, and so do `fs` and `delta`.
+        `tau` replace each other, and so do `fs` and `delta`. ``replace(deriv=(0, 1, 2))`` gives more orders of the same
+        window, of the degree that was given or that these orders have by default.
 
         Parameters
         ----------

@@ -38,7 +38,6 @@ def summary(design: Differentiator) -> Summary:
         "tau": design.tau,
         "rule": design.rule,
         "trim": design.trim,
-        "engine": design.engine,
         "delta": design.delta,
         "fs": design.fs,
         "duration": design.duration,
