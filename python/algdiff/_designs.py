@@ -96,4 +96,5 @@ def remembered(make: Callable[..., tuple[Made, int]]) -> Callable[..., Made]:
             pass
         return make(*words)[0]
 
+    find.kept, find.forget = keep.cache_info, keep.cache_clear  # type: ignore[attr-defined]
     return find
