@@ -166,7 +166,7 @@ def test_pools_of_every_kind(method: str) -> None:
 
 
 def test_number_of_threads_from_the_environment() -> None:
-    code = "import numpy as np, algdiff; algdiff.differentiate(np.zeros(100), 11)"
+    code = "import numpy as np, algdiff; algdiff.differentiate(np.zeros(100_000), 11)"
     assert run_python(code, ALGDIFF_NUM_THREADS="2").returncode == 0
     for wrong in ["0", "-1", "two", "1.5"]:
         result = run_python(code, ALGDIFF_NUM_THREADS=wrong)

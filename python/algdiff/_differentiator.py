@@ -146,7 +146,7 @@ class Differentiator(Wishes, Filter):
 
     Signal, slope and curvature in one pass:
 
-    >>> signal, slope, curvature = Differentiator(5, (0, 1, 2), kappa=0, mu=0, delta=0.1)(t**2)
+    >>> signal, slope, curvature = Differentiator(7, (0, 1, 2), degree=2, delta=0.1)(t**2)
     >>> bool(np.allclose(signal, t**2) and np.allclose(slope, 2 * t) and np.allclose(curvature, 2))
     True
     """
