@@ -68,7 +68,15 @@ pub fn try_vec<T: Clone>(len: usize, value: T) -> Result<Vec<T>, Error> {
 /// Makes `buffer` hold `len` default values, in the memory that it has if that is enough.
 pub fn resize<T: Clone + Default>(buffer: &mut Vec<T>, len: usize) -> Result<(), Error> {
     buffer.clear();
-    buffer.try_reserve(len).map_err(|_| Error::Memory { bytes: len.saturating_mul(size_of::<T>()) })?;
-    buffer.resize(len, T::default());
+    at_least(buffer, len)
+}
+
+/// Makes `buffer` hold `len` values or more, whatever they are.
+pub fn at_least<T: Clone + Default>(buffer: &mut Vec<T>, len: usize) -> Result<(), Error> {
+    if buffer.len() < len {
+        let more = len - buffer.len();
+        buffer.try_reserve_exact(more).map_err(|_| Error::Memory { bytes: len.saturating_mul(size_of::<T>()) })?;
+        buffer.resize(len, T::default());
+    }
     Ok(())
 }

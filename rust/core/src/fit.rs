@@ -5,11 +5,13 @@
 //! of least `sum w^2 / W` that meet the moments `V w = d`. The orthonormal basis makes `V W V^T` nearly the identity up to
 //! degrees of about 2 sqrt(window); beyond, only a QR factorisation of `sqrt(W) V^T` keeps the digits.
 
+pub mod ends;
+
 use std::ops::Range;
 
 use faer::Mat;
 
-use crate::control::Control;
+use crate::control::{Control, Unattended};
 use crate::error::{Error, try_vec};
 use crate::jacobi::{Jacobi, Recurrence, ln_power};
 use crate::rule::{Rule, functionals};
@@ -187,26 +189,35 @@ impl Fit {
         Ok(missing)
     }
 
-    /// Coefficients, in the orthonormal basis, of the polynomial fitted to the window `x`.
-    pub fn coefficients(&self, x: &[f64], control: &impl Control) -> Result<Vec<f64>, Error> {
-        if let Factor::Orthogonal { scaled_q, r } = &self.factor {
-            let mut solution: Vec<f64> =
-                scaled_q.col_iter().map(|q| q.iter().zip(x).map(|(q, x)| q * x).sum()).collect();
-            solve_upper(r, &mut solution);
-            return Ok(solution);
+    /// Coefficients, in the orthonormal basis, of the polynomial fitted to a window, whose samples from `start` on
+    /// `fill(start, samples)` hands over.
+    pub fn coefficients(&self, mut fill: impl FnMut(usize, &mut [f64])) -> Result<Vec<f64>, Error> {
+        let mut sums = vec![0.0; self.degree() + 1];
+        let mut samples = try_vec(self.span().min(CHUNK), 0.0)?;
+        if let Factor::Triangle { .. } = self.factor {
+            self.for_each_chunk(&Unattended, |start, columns| {
+                let x = &mut samples[..columns[0].len()];
+                fill(start, x);
+                x.iter_mut().zip(&self.base[start..]).for_each(|(x, weight)| *x *= weight);
+                sums.iter_mut().zip(columns).for_each(|(sum, column)| *sum += dot(column, x));
+            })?;
+            self.solve_normal(&mut sums);
+            return Ok(sums);
         }
-        if let Factor::Functionals(columns) = &self.factor {
-            return Ok(columns.iter().map(|column| dot(column, x)).collect());
-        }
-        let mut projection = vec![0.0; self.degree() + 1];
-        self.for_each_chunk(control, |start, columns| {
-            for (sum, column) in projection.iter_mut().zip(columns) {
-                let window = self.base[start..].iter().zip(&x[start..]);
-                *sum += column.iter().zip(window).map(|(p, (w, x))| p * (w * x)).sum::<f64>();
+        for start in (0..self.span()).step_by(CHUNK) {
+            let x = &mut samples[..CHUNK.min(self.span() - start)];
+            fill(start, x);
+            for (m, sum) in sums.iter_mut().enumerate() {
+                *sum += match &self.factor {
+                    Factor::Functionals(columns) => dot(&columns[m][start..start + x.len()], x),
+                    _ => x.iter().zip(start..).map(|(x, k)| self.functional(m, k) * x).sum(),
+                };
             }
-        })?;
-        self.solve_normal(&mut projection);
-        Ok(projection)
+        }
+        if let Factor::Orthogonal { r, .. } = &self.factor {
+            solve_upper(r, &mut sums);
+        }
+        Ok(sums)
     }
 
     /// The `deriv`-th derivative, for T = 1, of the polynomial with the given coefficients, as a function of the position
@@ -387,7 +398,6 @@ fn solve_lower(r: &Mat<f64>, rhs: &mut [f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::Unattended;
 
     /// The same fit, once with its whole factorisation and once by its triangle alone.
     fn both_ways(family: Jacobi, degree: usize, window_length: usize) -> (Fit, Fit) {
@@ -409,7 +419,8 @@ mod tests {
         let values = |j: i32| family.recurrence(20).values(Grid::Cells.tau(f64::from(j), 21))[20];
         let x: Vec<f64> = (0..21).map(values).collect();
         let error = |fit: &Fit| {
-            let coefficients = fit.coefficients(&x, &Unattended).expect("fits");
+            let coefficients =
+                fit.coefficients(|start, part| part.copy_from_slice(&x[start..][..part.len()])).expect("fits");
             let wanted = |m: usize| if m == 20 { 1.0 } else { 0.0 };
             coefficients.iter().enumerate().map(|(m, a)| (a - wanted(m)).abs()).fold(0.0, f64::max)
         };
@@ -434,8 +445,9 @@ mod tests {
             assert!((w - e).abs() <= 1e-14 * peak);
         }
         let x: Vec<f64> = (0..3000).map(|j| (f64::from(j) / 3000.0).sin()).collect();
-        let (a, b) =
-            (whole.coefficients(&x, &Unattended).expect("fits"), triangle.coefficients(&x, &Unattended).expect("fits"));
+        let coefficients =
+            |fit: &Fit| fit.coefficients(|start, part| part.copy_from_slice(&x[start..][..part.len()])).expect("fits");
+        let (a, b) = (coefficients(&whole), coefficients(&triangle));
         a.iter().zip(&b).for_each(|(a, b)| assert!((a - b).abs() < 1e-14));
     }
 

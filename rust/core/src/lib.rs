@@ -18,20 +18,22 @@
 //! * [`paper`]: the source paper's own systems, on which nothing is built.
 //!
 //! ```
-//! use algdiff_core::{kernel::Tau, design::{Design, Place}, plan::Plan, rule::Rule, control::Unattended, run::{Alignment, Job, Layout, Mode}};
+//! use std::sync::Arc;
+//! use algdiff_core::{bank::Bank, kernel::Tau, design::{Design, Place}, plan::Plan, rule::Rule, control::Unattended, run::{Job, Layout, Mode}};
 //!
 //! let design = Design { window_length: 5, deriv: 1, degree: 2, kappa: 0.0, mu: 0.0, place: Place::Tau(Tau::Center), delta: 0.1, rule: Rule::Exact, trim: 0.0 };
 //! let plan = Plan::new(&design, &Unattended)?;
 //! let x: Vec<f64> = (0..20).map(|i| (0.1 * f64::from(i)).powi(2)).collect();
 //! let mut slope = vec![0.0; 20];
 //! let bank = Bank::new(vec![Arc::new(plan)], None)?;
-//! Job { bank: &bank, mode: Mode::Fit, alignment: Alignment::Sample, layout: Layout::row(20), threads: 1 }.run(&x, &mut slope, &Unattended)?;
+//! Job::new(&bank, Mode::Fit, Layout::row(20)).run(&x, &mut slope, &Unattended)?;
 //! assert!((slope[7] - 2.0 * 0.7).abs() < 1e-12);
 //! # Ok::<(), algdiff_core::error::Error>(())
 //! ```
 
 pub mod analysis;
 pub mod bank;
+mod columns;
 pub mod control;
 pub mod design;
 pub mod ends;
@@ -39,6 +41,7 @@ pub mod engine;
 pub mod error;
 pub mod filter;
 pub mod fit;
+mod frame;
 pub mod jacobi;
 pub mod kernel;
 pub mod paper;
@@ -48,3 +51,5 @@ pub mod response;
 mod rows;
 pub mod rule;
 pub mod run;
+mod tasks;
+mod threads;

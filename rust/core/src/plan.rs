@@ -2,13 +2,13 @@
 
 use std::ops::Range;
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::control::Control;
 use crate::design::{Design, SAME_SAMPLE, same_sample};
 use crate::engine::Taps;
 use crate::error::Error;
 use crate::fit::Fit;
+use crate::fit::ends::{End, EndTables};
 use crate::kernel::Kernel;
 use crate::rule::Rule;
 
@@ -25,7 +25,7 @@ pub struct Plan {
     at_tau: Taps,
     aligned: OnceLock<Taps>,
     fit: OnceLock<Fit>,
-    ends_checked: AtomicBool,
+    end_tables: OnceLock<Option<EndTables>>,
 }
 
 impl Plan {
@@ -82,7 +82,7 @@ impl Plan {
             at_tau,
             aligned: OnceLock::new(),
             fit: OnceLock::new(),
-            ends_checked: AtomicBool::new(false),
+            end_tables: OnceLock::new(),
         };
         if fit_degree == design.degree {
             let _ = plan.fit.set(fit);
@@ -179,13 +179,20 @@ impl Plan {
     }
 
     /// The fit of degree `degree`, by which the ends of the data are estimated: refused if it misses its moments there.
-    pub fn fit_for_ends(&self, control: &impl Control) -> Result<&Fit, Error> {
+    pub fn end(&self, control: &impl Control) -> Result<End<'_>, Error> {
         let fit = self.fit(control)?;
-        if self.design.rule == Rule::Exact && !self.ends_checked.load(Ordering::Relaxed) {
-            fit.check_ends(self.design.deriv)?;
-            self.ends_checked.store(true, Ordering::Relaxed);
-        }
-        Ok(fit)
+        let tables = match self.end_tables.get() {
+            Some(tables) => tables,
+            None => {
+                if self.design.rule == Rule::Exact {
+                    fit.check_ends(self.design.deriv)?;
+                }
+                let tables = fit.end_tables(self.design.deriv)?;
+                self.end_tables.get_or_init(|| tables)
+            }
+        };
+        let (deriv, unit, keeps_constants) = (self.design.deriv, self.unit, self.keeps_constants());
+        Ok(End { fit, tables: tables.as_ref(), deriv, unit, keeps_constants })
     }
 
     fn fit(&self, control: &impl Control) -> Result<&Fit, Error> {

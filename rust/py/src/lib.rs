@@ -13,7 +13,7 @@ use algdiff_core::kernel::{Kernel as CoreKernel, Tau};
 use algdiff_core::paper;
 use algdiff_core::plan::Plan as CorePlan;
 use algdiff_core::rule::RULES;
-use algdiff_core::run::{Alignment, Job, Layout, Mode};
+use algdiff_core::run::{Alignment, Job, Layout, Mode, Part};
 use numpy::{Complex64, Element, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray1};
 use pyo3::exceptions::{PyMemoryError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -369,7 +369,7 @@ impl Bank {
         ENGINES.iter().find(|(_, known)| *known == engine).map_or("", |(word, _)| word)
     }
 
-    #[pyo3(signature = (x, out, layout, mode, cval=0.0, *, half_sample=false, threads=0, progress=None))]
+    #[pyo3(signature = (x, out, layout, mode, cval=0.0, *, half_sample=false, aligned=false, part=None, threads=0, progress=None))]
     #[expect(clippy::too_many_arguments, reason = "the call's own parameters, by their own names")]
     fn run(
         &self,
@@ -380,6 +380,8 @@ impl Bank {
         mode: &str,
         cval: f64,
         half_sample: bool,
+        aligned: bool,
+        part: Option<(usize, usize, usize)>,
         threads: usize,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<()> {
@@ -395,7 +397,10 @@ impl Bank {
         };
         let alignment = if half_sample { Alignment::HalfSample } else { Alignment::Sample };
         let (outer, samples, inner) = layout;
-        let job = Job { bank: &self.0, mode, alignment, layout: Layout { outer, samples, inner }, threads };
+        // How many outputs are wanted follows from the size of out.
+        let part = part.map(|(start, samples, first)| Part { start, samples, first, outputs: 0 });
+        let layout = Layout { outer, samples, inner };
+        let job = Job { bank: &self.0, mode, alignment, aligned, layout, part, threads };
         if x.is_instance_of::<PyArray1<f64>>() {
             run::<f64>(py, job, x, out, progress)
         } else {
@@ -406,7 +411,7 @@ impl Bank {
 
 fn run<T: Sample + Element>(
     py: Python<'_>,
-    job: Job<'_>,
+    mut job: Job<'_>,
     x: &Bound<'_, PyAny>,
     out: &Bound<'_, PyAny>,
     progress: Option<Py<PyAny>>,
@@ -414,6 +419,10 @@ fn run<T: Sample + Element>(
     let x: PyReadonlyArray1<'_, T> = x.extract()?;
     let mut out: PyReadwriteArray1<'_, T> = out.extract()?;
     let (x, out) = (x.as_slice()?, out.as_slice_mut()?);
+    if let Some(part) = &mut job.part {
+        let rows = job.layout.outer.saturating_mul(job.layout.inner).saturating_mul(job.bank.plans().len());
+        part.outputs = out.len() / rows.max(1);
+    }
     enter(py, progress, |control| job.run(x, out, control))
 }
 

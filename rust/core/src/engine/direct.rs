@@ -52,6 +52,10 @@ impl<T: Sample> Direct<T> {
         self.span
     }
 
+    pub(super) fn work(&self) -> usize {
+        self.orders.iter().map(|order| order.taps.len()).sum()
+    }
+
     pub(super) fn apply(
         &self,
         x: &[T],

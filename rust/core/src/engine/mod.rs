@@ -53,6 +53,22 @@ impl<T: Sample> Runner<T> {
         }
     }
 
+    /// What one output of every order costs, in multiplications, roughly.
+    #[must_use]
+    pub fn work(&self) -> usize {
+        match self {
+            Self::Direct(direct) => direct.work(),
+        }
+    }
+
+    /// Whether [`Runner::apply`] on single rows is faster than [`Runner::apply_lanes`], gathering included.
+    #[must_use]
+    pub fn prefers_rows(&self) -> bool {
+        match self {
+            Self::Direct(_) => false,
+        }
+    }
+
     /// For every order the outputs whose windows start at `x[first]`, `x[first + 1]` and on, as many as each of `outs` holds.
     ///
     /// `x[0]` is the sample `origin` of its row. Engines whose sums depend on a grid lay it on the row, not on `x`; they may
