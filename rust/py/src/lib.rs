@@ -369,6 +369,11 @@ impl Bank {
         ENGINES.iter().find(|(_, known)| *known == engine).map_or("", |(word, _)| word)
     }
 
+    /// Cuts between windows that start at multiples of this change no bit of the outputs.
+    fn grid(&self, single: bool) -> usize {
+        if single { self.0.grid::<f32>() } else { self.0.grid::<f64>() }
+    }
+
     #[pyo3(signature = (x, out, layout, mode, cval=0.0, *, half_sample=false, aligned=false, part=None, threads=0, progress=None))]
     #[expect(clippy::too_many_arguments, reason = "the call's own parameters, by their own names")]
     fn run(
