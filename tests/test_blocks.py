@@ -79,9 +79,9 @@ def small_blocks(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 @pytest.mark.parametrize("mode", MODES)
 def test_blocks_have_the_bits_of_the_whole(mode: str, kind: str) -> None:
     rng = np.random.default_rng(3)
-    for window in WINDOWS:
+    for number, window in enumerate(WINDOWS):
         design = Differentiator(**window, engine="direct")
-        for shape, axis in SHAPES:
+        for shape, axis in SHAPES[number % 3 :: 3]:
             if shape[axis] < design.window_length and mode in ("fit", "valid", "nan"):
                 continue
             x = LAYOUTS[kind](100 * rng.standard_normal(shape))
@@ -121,13 +121,13 @@ def test_a_window_longer_than_extended_data() -> None:
 
 
 @pytest.mark.parametrize("engine", ["auto", "direct"])
-@pytest.mark.parametrize("window_length", [61, 1001, 20_001])
+@pytest.mark.parametrize("window_length", [61, 1001, 7001])
 def test_blocks_of_the_usual_size(window_length: int, engine: str) -> None:
     design = Differentiator(window_length, engine=engine)
-    x = np.random.default_rng(1).integers(-1000, 1000, 700_000).astype(np.int16)
+    x = np.random.default_rng(1).integers(-1000, 1000, 350_000).astype(np.int16)
     for mode in ("fit", "wrap"):
         np.testing.assert_array_equal(design(x, mode=mode), design(x.astype(float), mode=mode))
-    columns = x.reshape(35_000, 20)
+    columns = x.reshape(17_500, 20)
     np.testing.assert_array_equal(design(columns, 0), design(columns.astype(float), 0))
 
 

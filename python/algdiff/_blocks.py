@@ -22,7 +22,7 @@ BYTES = 1 << 20
 """Size of a buffer: one holds the samples of a block, one its outputs. Long windows need larger ones."""
 
 COLUMNS = 32
-"""Neighbouring columns that are taken together, if the axis of time is not the last: whole lines of the cache."""
+"""Neighbouring columns that are taken together, if the axis of time is not the last, and windows are long."""
 
 INTERVAL = 0.04
 """Seconds between two reports of progress."""
@@ -145,9 +145,9 @@ class _Blocks:
         """Yield where in the shape of one order's outputs the blocks lie, in the order of memory."""
         row, inner = self.row, math.prod(self.shape[self.axis + 1 :])
         budget = BYTES // self.buffers["x"].itemsize
-        least = (
-            max(budget // self.orders, row.span) if inner == 1 else max(budget // COLUMNS // self.orders, 4 * row.span)
-        )
+        # Lines of memory whole, if blocks stay much longer than the window, which neighbours have in common.
+        columns = inner if 4 * self.orders * inner * row.span <= budget else min(inner, COLUMNS)
+        least = max(budget // columns // self.orders - row.span + 1, (3 if columns > 1 else 1) * row.span)
         length = min(-(-least // row.grid) * row.grid, max(row.outputs, 1))
         left = max(budget // max(length + row.span - 1, length * self.orders), 1)
         cuts: list[list[slice]] = [[] for _ in self.shape]
