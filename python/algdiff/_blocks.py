@@ -1,7 +1,7 @@
 """Data that the core cannot read in place, taken over block by block: no copy of the whole is ever made.
 
 Every block of outputs is computed from the samples that it needs, and told where it lies in its row, so that it has the
-bits of one run over everything. Where the data are extended, a block brings the extension along.
+bits of one run over everything. Where the data are periodic, a block at an end brings the other end along.
 """
 
 from __future__ import annotations
@@ -43,37 +43,31 @@ class _Row(NamedTuple):
     aligned: bool
 
     def reads(self, first: int, last: int) -> tuple[int, int]:
-        """Return the samples that the outputs from `first` to `last` need: inside the row, unless it is extended."""
+        """Return the samples that the outputs from `first` to `last` need: in the row, unless that is periodic."""
+        start, end = first - self.center, last - self.center + self.span - 1
         if self.mode == "valid":
             return first, last + self.span - 1
-        start, end = first - self.center, last - self.center + self.span - 1
-        if self.extends:
-            return start, end
-        return max(min(start, self.samples - self.span), 0), min(max(end, self.span), self.samples)
+        if self.mode in ("fit", "nan"):
+            return max(min(start, self.samples - self.span), 0), min(max(end, self.span), self.samples)
+        if self.mode != "mirror":
+            # Or else the nearest sample, which the mode "constant" does not need.
+            inside = min(max(start, 0), self.samples - 1), max(min(end, self.samples), 1)
+            return (
+                (start, end) if self.mode == "wrap" else (min(inside[0], inside[1] - 1), max(inside[1], inside[0] + 1))
+            )
+        period = max(2 * (self.samples - 1), 1)
+        folded = np.arange(start, end) % period
+        sources = np.minimum(folded, period - folded) if self.samples > 1 else folded
+        return int(sources.min()), int(sources.max()) + 1
 
-    def call(self, first: int, start: int) -> dict[str, Any]:
-        """Return how to run a block of outputs from `first`, whose samples are those from `start`."""
-        if not self.extends:
+    def call(self, first: int, start: int, end: int) -> dict[str, Any]:
+        """Return how to run a block of outputs from `first`, whose samples are those from `start` to `end`."""
+        if start >= 0 and end <= self.samples:
             return {"mode": self.mode, "part": (start, self.samples, first)}
         # A row of its own, which starts as far before the data as the first window, in whole steps of the grid.
         before = -(-max(self.center, 0) // self.grid) * self.grid
         samples = before - self.center + self.samples + self.span - 1
         return {"mode": "valid", "aligned": self.aligned, "part": (start + before, samples, start + before)}
-
-    @property
-    def extends(self) -> bool:
-        """Whether the data are extended."""
-        return self.mode in ("nearest", "mirror", "wrap", "constant")
-
-    def sources(self, start: int, end: int) -> Samples:
-        """Return which samples stand from `start` to `end` of the extended row."""
-        index, last = np.arange(start, end), self.samples - 1
-        if self.mode == "wrap":
-            return index % self.samples
-        if self.mode == "mirror" and last > 0:
-            folded = index % (2 * last)
-            return np.minimum(folded, 2 * last - folded)
-        return np.clip(index, 0, last)
 
 
 def run(
@@ -165,35 +159,27 @@ class _Blocks:
     def block(self, place: tuple[slice, ...], x: Samples, result: Samples, cval: float) -> None:
         first, last = place[self.axis].start, place[self.axis].stop
         start, end = self.row.reads(first, last)
-        samples = self.samples(x, place, start, end, cval)
+        samples = self.samples(x, place, start, end)
         target = result[(slice(None), *place)]
         plain = _plain(target, samples.dtype)
         out = target.reshape(-1) if plain else self.buffer("out", target.size)
-        options = {**self.row.call(first, start), **self.options, "progress": self.fraction(target.size)}
+        options = {**self.row.call(first, start, end), **self.options, "progress": self.fraction(target.size)}
         self.bank.run(samples.reshape(-1), out, around(samples.shape, self.axis), cval=cval, **options)
         if not plain:
             target[...] = out.reshape(target.shape)
         self.finished(target.size)
 
-    def samples(self, x: Samples, place: tuple[slice, ...], start: int, end: int, cval: float) -> Samples:
+    def samples(self, x: Samples, place: tuple[slice, ...], start: int, end: int) -> Samples:
         """Return the samples from `start` to `end` of some rows as the core takes them."""
         before, after = place[: self.axis], place[self.axis + 1 :]
-        low, high = max(start, 0), min(end, self.row.samples)
-        inside = x[(*before, slice(low, max(high, low)), *after)]
-        if (low, high) == (start, end) and _plain(inside, self.buffers["x"].dtype):
-            return inside
-        shape = (*inside.shape[: self.axis], end - start, *inside.shape[self.axis + 1 :])
-        samples = self.buffer("x", math.prod(shape)).reshape(shape)
-        if (low, high) == (start, end):
-            np.copyto(samples, inside, casting="unsafe")
-        elif self.row.mode == "constant":
-            samples.fill(cval)
-            held = samples[(*[slice(None)] * self.axis, slice(low - start, low - start + inside.shape[self.axis]))]
-            np.copyto(held, inside, casting="unsafe")
-        else:
-            sources: Any = self.row.sources(start, end)
-            np.copyto(samples, x[(*before, sources, *after)], casting="unsafe")
-        return samples
+        inside = start >= 0 and end <= self.row.samples
+        where: Any = slice(start, end) if inside else np.arange(start, end) % self.row.samples
+        samples = x[(*before, where, *after)]
+        if inside and _plain(samples, self.buffers["x"].dtype):
+            return samples
+        converted = self.buffer("x", samples.size).reshape(samples.shape)
+        np.copyto(converted, samples, casting="unsafe")
+        return converted
 
     def buffer(self, name: str, size: int) -> Samples:
         if self.buffers[name].size < size:
