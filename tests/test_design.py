@@ -29,7 +29,7 @@ NAN, INF = float("nan"), float("inf")
         (ValueError, "window_length must be at most 10000000", {"window_length": 10_000_001}),
         (ValueError, "deriv must be an integer of at least 0", {"deriv": -1}),
         (TypeError, "deriv must be an integer", {"deriv": 1.5}),
-        (TypeError, "deriv must be an integer", {"deriv": (0, 1)}),
+        (TypeError, "deriv must be an integer", {"deriv": (0, 1.5)}),
         (ValueError, "degree must be at least deriv = 2", {"deriv": 2, "degree": 1}),
         (ValueError, "degree must be at most 500", {"degree": 501, "window_length": 1000}),
         (TypeError, "degree must be an integer", {"degree": 2.0}),

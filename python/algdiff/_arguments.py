@@ -1,14 +1,15 @@
 """What callers hand over, made into what the core takes, or refused by name."""
 
 import operator
-import os
 import sys
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 Samples = NDArray[Any]
+Progress = Callable[[float], object]
 
 MAX_WINDOW = 10_000_000
 """The longest window that the core takes."""
@@ -63,18 +64,6 @@ def sampling_step(delta: object, fs: object) -> float:
     return 1.0 / rate
 
 
-def thread_count(threads: object) -> int:
-    """Return the number of threads to use; 0 leaves it to the core."""
-    if threads is not None:
-        return integer("threads", threads, 1)
-    wanted = os.environ.get("ALGDIFF_NUM_THREADS", "")
-    if not wanted:
-        return 0
-    if not (wanted.isdecimal() and int(wanted) > 0):
-        raise ValueError(f"ALGDIFF_NUM_THREADS must be a positive integer, got {wanted!r}")
-    return int(wanted)
-
-
 def axis_index(axis: object, ndim: int) -> int:
     """Return `axis` counted from the front."""
     try:
@@ -88,21 +77,24 @@ def axis_index(axis: object, ndim: int) -> int:
     return index % ndim
 
 
-def samples(name: str, values: ArrayLike) -> Samples:
-    """Return `values` as a native array of float32, float64, complex64 or complex128.
-
-    float32 and complex64 stay what they are; every other number becomes float64 or complex128. The array may be any
-    view: `contiguous` copies what the core cannot read in place.
-    """
+def signal(name: str, values: ArrayLike) -> Samples:
+    """Return `values` as an array of numbers of any type and layout, in place if they are one."""
     array = _plain(name, values)
     if array.dtype.kind not in "fiubc":
         raise TypeError(f"{name} must hold real or complex numbers, got dtype {array.dtype}")
     if array.ndim == 0:
         raise ValueError(f"{name} must have at least one dimension, got a scalar")
-    return array.astype(_working_dtype(array.dtype), copy=False)
+    return array
 
 
-def _working_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
+def samples(name: str, values: ArrayLike) -> Samples:
+    """Return `values` as a native array of float32, float64, complex64 or complex128."""
+    array = signal(name, values)
+    return array.astype(working_dtype(array.dtype), copy=False)
+
+
+def working_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    """Return the type that samples are worked on in: float32 and complex64 stay what they are."""
     if dtype.kind == "c":
         return np.dtype(np.complex64 if dtype.itemsize == 8 else np.complex128)
     return np.dtype(np.float32 if dtype.kind == "f" and dtype.itemsize == 4 else np.float64)
@@ -145,10 +137,8 @@ def contiguous(array: Samples) -> Samples:
     return np.require(array, requirements=["C", "A"]).reshape(-1)
 
 
-def output(out: object, shape: tuple[int, ...], dtype: DTypeLike, x: Samples) -> Samples:
-    """Return `out` if the result can be written to it, or a new array."""
-    if out is None:
-        return np.empty(shape, dtype)
+def check_output(out: object, shape: tuple[int, ...], dtype: DTypeLike, x: Samples) -> Samples:
+    """Return `out` if the result can be written to it."""
     if not isinstance(out, np.ndarray):
         raise TypeError(f"out must be an array, got {type(out).__name__}")
     if out.shape != shape:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from algdiff import _arguments as arguments
 from algdiff import _core
+from algdiff import _orders as orders
 from algdiff._kernel import Kernel
 from algdiff._warnings import DesignWarning, outside
 
@@ -32,7 +33,10 @@ class _Wish:
         if "window_length" in design:
             raise TypeError("window_length follows from what is asked for: it cannot be given as well")
         values = dict(design)
-        self.deriv = arguments.integer("deriv", deriv, 0)
+        order = orders.checked(deriv)
+        if isinstance(order, tuple):
+            raise ValueError(f"deriv must be one order to choose a window by, got {deriv!r}: then replace(deriv=...)")
+        self.deriv = order
         self.delta = arguments.sampling_step(values.pop("delta", None), values.pop("fs", None))
         if not (math.isfinite(self.delta) and self.delta > 0):
             raise ValueError(f"delta must be finite and positive, got {self.delta}")

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 MODES = ("fit", "valid", "nan", "nearest", "mirror", "wrap", "constant")
 RULES = ("exact", "trapezoid", "midpoint", "simpson", "cell", "hat")
 TAUS = ("center", "root", "newest")
-WORDS = ("degree", "kappa", "mu", "tau", "delay", "delta", "fs", "rule", "trim")
+WORDS = ("degree", "kappa", "mu", "tau", "delay", "delta", "fs", "rule", "trim", "engine")
 """Options that become arguments of a design."""
 BAR = 30
 
@@ -274,6 +274,7 @@ def add_design(verb: argparse.ArgumentParser) -> None:
     add("--mu", type=float, metavar="X", help="weight exponent of the newest end; default: 1")
     add("--rule", choices=RULES, help="discretisation; default: exact")
     add("--trim", type=float, metavar="X", help="share of the weights to leave out at either end; default: 0")
+    add("--engine", metavar="NAME", help="how the weights are applied: auto, direct, moments, fft; default: auto")
     point = verb.add_mutually_exclusive_group()
     point.add_argument("--tau", type=_tau, metavar="X", help=f"{', '.join(TAUS)} or a number; default: center")
     point.add_argument(

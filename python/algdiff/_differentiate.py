@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import SupportsIndex
 
 from numpy.typing import ArrayLike
 
+from algdiff import _orders as orders
 from algdiff._arguments import Samples
-from algdiff._differentiator import Differentiator
+from algdiff._differentiator import remembered
 
 
 def differentiate(
     x: ArrayLike,
     window_length: SupportsIndex,
-    deriv: SupportsIndex = 1,
+    deriv: SupportsIndex | Sequence[SupportsIndex] = 1,
     *,
     degree: SupportsIndex | None = None,
     kappa: float = 1.0,
@@ -27,6 +29,7 @@ def differentiate(
     cval: complex = 0.0,
     rule: str = "exact",
     trim: float = 0.0,
+    engine: str = "auto",
     out: Samples | None = None,
     threads: int | None = None,
 ) -> Samples:
@@ -41,10 +44,10 @@ def differentiate(
         Samples, `delta` apart along `axis`.
     window_length : int
         Number of samples in the window.
-    deriv : int
-        Order of the derivative; 0 smooths.
+    deriv : int or sequence of int
+        Order of the derivative; 0 smooths. Several are computed in one pass.
     degree : int, optional
-        Degree of the local polynomial; default ``deriv + 2``.
+        Degree of the local polynomial; default ``deriv + 2``, of several orders the highest.
     kappa, mu : float
         Exponents of the weight at the oldest and the newest end of the window, greater than -1.
     tau : {"center", "root", "newest"} or float, optional
@@ -54,7 +57,7 @@ def differentiate(
     delta, fs : float, optional
         Sampling step (default 1), or sampling rate.
     axis : int
-        The axis of time.
+        The axis of time in `x`.
     mode : {"fit", "valid", "nan", "nearest", "mirror", "wrap", "constant"}
         What happens at the ends; "fit" goes on to the last sample, "valid" gives the whole windows only.
     cval : float
@@ -63,6 +66,8 @@ def differentiate(
         How the continuous kernel becomes weights.
     trim : float
         Leave out at either end of the window what holds at most this share of the weights.
+    engine : {"auto", "direct", "moments", "fft"}
+        How the weights are applied; "auto" takes the one that is likely to be the fastest.
     out : ndarray, optional
         Where the result goes.
     threads : int, optional
@@ -72,7 +77,8 @@ def differentiate(
     -------
     ndarray
         The estimates, in the shape of `x` (shorter along `axis` in mode "valid"), in the unit of `x` over that of
-        ``delta**deriv``; float32 and complex64 stay, everything else becomes float64 or complex128.
+        ``delta**deriv``; float32 and complex64 stay, everything else becomes float64 or complex128. Several orders
+        lie along a leading axis, in the order of `deriv`.
 
     Raises
     ------
@@ -87,7 +93,13 @@ def differentiate(
     >>> acceleration = differentiate(t**3, 21, deriv=2, delta=0.01)
     >>> bool(np.allclose(acceleration, 6 * t))
     True
+    >>> velocity, acceleration = differentiate(t**3, 21, deriv=(1, 2), delta=0.01)
+    >>> bool(np.allclose(velocity, 3 * t**2))
+    True
     """
-    words = {"degree": degree, "kappa": kappa, "mu": mu, "tau": tau, "delay": delay, "delta": delta, "fs": fs}
-    design = Differentiator(window_length, deriv, **words, rule=rule, trim=trim)  # type: ignore[arg-type]
+    if type(deriv) is not int:
+        deriv = orders.checked(deriv)
+    design = remembered(window_length, deriv, degree, kappa, mu, tau, delay, delta, fs, rule, trim, engine)
+    if design._crowded:
+        design._warn()
     return design(x, axis, mode=mode, cval=cval, out=out, threads=threads)

@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Sequence
 from typing import Any, SupportsIndex
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from algdiff import _arguments as arguments
-from algdiff import _choice as choice
+from algdiff import _designs as designs
 from algdiff import _export as export
 from algdiff import _report as report
-from algdiff._arguments import Samples
+from algdiff._arguments import Progress, Samples
 from algdiff._core import Bank, Plan
 from algdiff._filter import Filter
-from algdiff._run import Progress, run
+from algdiff._orders import single
+from algdiff._run import run
 from algdiff._warnings import DesignWarning, outside
+from algdiff._wishes import Wishes
 
 
-class Differentiator(Filter):
+class Differentiator(Wishes, Filter):
     r"""A frozen design: one window, its weights and what they do to signal and noise.
 
     Every output is the derivative of order `deriv`, at the point `tau` of its window, of the polynomial of degree
@@ -31,16 +34,17 @@ class Differentiator(Filter):
     ----------
     window_length : int
         Number of samples in the window, from ``degree + 1`` to 10,000,000; even or odd.
-    deriv : int
-        Order of the derivative; 0 smooths.
+    deriv : int or sequence of int
+        Order of the derivative; 0 smooths. Several different orders are computed in one pass, from one window and with
+        one delay, and results get a leading axis over them.
     degree : int, optional
-        Degree of the local polynomial, from `deriv` to 500; default ``deriv + 2``.
+        Degree of the local polynomial, from `deriv` to 500; default ``deriv + 2``, of several orders the highest.
     kappa, mu : float
         Exponents of the weight at the oldest and the newest end of the window, greater than -1.
     tau : {"center", "root", "newest"} or float, optional
         Point of estimation in the window: 0 is its oldest, 1 its newest end. "center" (the default) is 1/2, "root"
         the point nearest to the newest sample at which one more degree is reproduced, "newest" the newest sample
-        itself. Numbers above 1 predict.
+        itself. Numbers above 1 predict. Several orders have no "root" in common.
     delay : float, optional
         Instead of `tau`: the time from the estimate to the newest sample, in the unit of `delta`.
     delta : float, optional
@@ -60,12 +64,20 @@ class Differentiator(Filter):
         weights' sizes. `window_length` and `tau` go on describing the nominal window, and so do `cutoff` and `kernel`;
         `weights` is shorter and `delay` less by what is left out at the newest end: below 0, a prediction, for
         "newest". With the rule "exact" the rest is fitted anew and as exact as before; with the others it is just
-        what is left.
+        what is left. What is left out depends on the order, so that there must be one.
+    engine : {"auto", "direct", "moments", "fft"}
+        How the weights are applied. "direct" adds every tap of every output, and gives the same bits however the data
+        are cut; the others cost less for long windows, and agree with it to rounding. "auto" takes the one that is
+        likely to be the fastest for the window, the orders and the dtype.
 
     Attributes
     ----------
     window_length, deriv, degree, kappa, mu, tau, delay, delta, fs, rule, trim
-        The arguments; `tau` as a number, `delay` in the unit of `delta`.
+        The arguments; `tau` as a number, `delay` in the unit of `delta`, several orders as a tuple.
+    engine : str
+        The engine that runs float64 and complex128; see `engine_for`.
+    orders : tuple of Differentiator
+        The designs of the single orders; of one order, the design itself.
     duration : float
         Length T of the window, in the unit of `delta`.
     delay_samples : float
@@ -98,6 +110,12 @@ class Differentiator(Filter):
     kernel : Kernel
         The continuous kernel that the weights discretise.
 
+    Notes
+    -----
+    With several orders, `weights` and what the methods return for points in time or frequency have a leading axis over
+    them, and attributes that depend on the order (`noise_gain` to `kernel` above) are tuples. Summaries, C headers and
+    pictures are of one order: take it from `orders`.
+
     Raises
     ------
     ValueError
@@ -125,6 +143,12 @@ class Differentiator(Filter):
     >>> t = np.arange(0, 1, 0.1)
     >>> bool(np.allclose(d(t**2), 2 * t))
     True
+
+    Signal, slope and curvature in one pass:
+
+    >>> signal, slope, curvature = Differentiator(7, (0, 1, 2), degree=2, delta=0.1)(t**2)
+    >>> bool(np.allclose(signal, t**2) and np.allclose(slope, 2 * t) and np.allclose(curvature, 2))
+    True
     """
 
     __slots__ = ()
@@ -132,7 +156,7 @@ class Differentiator(Filter):
     def __init__(
         self,
         window_length: SupportsIndex,
-        deriv: SupportsIndex = 1,
+        deriv: SupportsIndex | Sequence[SupportsIndex] = 1,
         *,
         degree: SupportsIndex | None = None,
         kappa: float = 1.0,
@@ -143,55 +167,90 @@ class Differentiator(Filter):
         fs: float | None = None,
         rule: str = "exact",
         trim: float = 0.0,
+        engine: str = "auto",
     ) -> None:
-        if tau is not None and delay is not None:
-            raise ValueError(f"give tau or delay, not both: got tau = {tau!r} and delay = {delay!r}")
-        share = arguments.real("trim", trim)
-        if delay is not None and share != 0:
-            raise ValueError(
-                f"give delay or trim, not both: got delay = {delay!r} and trim = {trim!r}; what is left out at the "
-                "newest end shortens the delay, so say tau"
-            )
-        arguments.word("rule", rule, "a word such as 'exact'")
-        self._set(
-            {
-                "window_length": arguments.integer("window_length", window_length, 1),
-                "deriv": arguments.integer("deriv", deriv, 0),
-                "degree": None if degree is None else arguments.integer("degree", degree, 0),
-                "kappa": arguments.real("kappa", kappa),
-                "mu": arguments.real("mu", mu),
-                "tau": None if tau is None else arguments.word_or_real("tau", tau),
-                "delay": None if delay is None else arguments.real("delay", delay),
-                "delta": arguments.sampling_step(delta, fs),
-                "rule": rule,
-                "trim": share,
-            }
-        )
-        limit = 1.5 * math.sqrt(self.window_length)
-        if self.degree > limit:
-            message = (
-                f"degree {self.degree} exceeds 1.5 sqrt(window_length) = {limit:.3g}: "
-                f"from there on the noise gain grows steeply; it is {self.noise_gain:.3g}"
-            )
-            warnings.warn(message, DesignWarning, stacklevel=outside())
+        self._set(designs.asked(window_length, deriv, degree, kappa, mu, tau, delay, delta, fs, rule, trim, engine))
+        self._warn()
 
     def _set(self, asked: dict[str, Any]) -> None:
         """Design from checked arguments; what was left out is None."""
-        values = dict(asked)
+        values = {name: value for name, value in asked.items() if name != "engine"}
+        deriv = values.pop("deriv")
+        orders = deriv if isinstance(deriv, tuple) else (deriv,)
         if values["degree"] is None:
-            values["degree"] = values["deriv"] + 2
+            values["degree"] = max(orders) + 2
         if values["tau"] is None and values["delay"] is None:
             values["tau"] = "center"
-        plan = Plan(**values)
-        weights = np.empty(plan.span)
-        plan.weights(weights)
+        plans = [Plan(deriv=order, **values) for order in orders]
+        weights = np.empty((len(plans), plans[0].span))
+        for plan, row in zip(plans, weights, strict=True):
+            plan.weights(row)
         weights.flags.writeable = False
         del values["delay"]
-        for name, value in {**values, "tau": plan.tau}.items():
-            object.__setattr__(self, name, value)
+        values["tau"] = plans[0].tau
+        self._keep({**values, "deriv": deriv}, asked, plans, weights)
+
+    def _keep(
+        self, values: dict[str, Any], asked: dict[str, Any], plans: list[Plan], weights: NDArray[np.float64]
+    ) -> None:
         # A view of a read-only array cannot be made writeable again.
-        for name, value in {"_plan": plan, "_bank": Bank([plan]), "_weights": weights.view(), "_asked": asked}.items():
+        kept = {
+            "_asked": asked,
+            "_plans": plans,
+            "_plan": plans[0],
+            "_bank": Bank(plans, asked["engine"]),
+            "_leading": len(plans) if isinstance(asked["deriv"], tuple) else None,
+            "_weights": weights[:] if isinstance(asked["deriv"], tuple) else weights[0],
+            "_crowded": values["degree"] > 1.5 * math.sqrt(values["window_length"]),
+        }
+        for name, value in {**values, **kept}.items():
             object.__setattr__(self, name, value)
+
+    def _warn(self) -> None:
+        if self._crowded:
+            gains = " and ".join(f"{one.noise_gain:.3g}" for one in self.orders)
+            message = (
+                f"degree {self.degree} exceeds 1.5 sqrt(window_length) = {1.5 * math.sqrt(self.window_length):.3g}: "
+                f"from there on the noise gain grows steeply; it is {gains}"
+            )
+            warnings.warn(message, DesignWarning, stacklevel=outside())
+
+    @property
+    def orders(self) -> tuple[Differentiator, ...]:
+        """The designs of the single orders, in the order of `deriv`; of one order, the design itself."""
+        if self._leading is None:
+            return (self,)
+        return tuple(self._order(index) for index in range(self._leading))
+
+    def _order(self, index: int) -> Differentiator:
+        changes = {"deriv": self.deriv[index], "degree": self.degree}
+        values = {name: getattr(self, name) for name in self._names} | changes
+        design = object.__new__(Differentiator)
+        design._keep(
+            values, {**self._asked, **changes}, self._plans[index : index + 1], self._weights[index : index + 1]
+        )
+        return design
+
+    @property
+    def engine(self) -> str:
+        """The engine that runs float64 and complex128: of "auto", the one that was chosen."""
+        return self._bank.engine(single=False)
+
+    def engine_for(self, dtype: DTypeLike) -> str:
+        """Return the engine that runs samples of `dtype`.
+
+        Parameters
+        ----------
+        dtype : dtype
+            float32 and complex64 are run in single, everything else in double precision.
+
+        Examples
+        --------
+        >>> from algdiff import Differentiator
+        >>> Differentiator(61, engine="direct").engine_for("float32")
+        'direct'
+        """
+        return self._bank.engine(single=arguments.working_dtype(np.dtype(dtype)) in (np.float32, np.complex64))
 
     def __call__(
         self,
@@ -210,10 +269,11 @@ class Differentiator(Filter):
         ----------
         x : array_like
             Samples, `delta` apart along `axis`. float32 and complex64 are computed in single, everything else in
-            double precision; complex data as two real passes. Not changed, and not to be changed by others during
-            the call.
+            double precision; complex data as two real passes. What is not a contiguous array of native floats, in
+            whatever order of its axes, is converted block by block: a memory map of a file may be longer than the
+            memory. Not changed, and not to be changed by others during the call.
         axis : int
-            The axis of time.
+            The axis of time in `x`.
         mode : {"fit", "valid", "nan", "nearest", "mirror", "wrap", "constant"}
             "valid" gives the estimates of all whole windows, ``window_length - 1`` fewer than samples: output `j`
             belongs to the samples from `j` on and to the point `tau` of their window. In all other modes output `i`
@@ -228,7 +288,8 @@ class Differentiator(Filter):
             Where the result goes: of its shape and dtype, not overlapping `x`.
         threads : int, optional
             At most this many threads, and four for every processor; by default ``ALGDIFF_NUM_THREADS`` or the
-            processors of the process. The result is the same to the bit.
+            processors of the process, but one in a task of Dask, which runs as many tasks. The result is the same to
+            the bit.
         progress : callable, optional
             Called now and then with the fraction that is done.
 
@@ -236,7 +297,8 @@ class Differentiator(Filter):
         -------
         ndarray
             The estimates, in the unit of `x` over that of ``delta**deriv``. A NaN in `x` makes every estimate NaN
-            whose window contains it, and no other; so does an infinity.
+            whose window contains it, and no other; so does an infinity. Of several orders, along a leading axis. The
+            axes lie in memory in the order of those of `x`.
 
         Raises
         ------
@@ -248,150 +310,18 @@ class Differentiator(Filter):
         MemoryError
             The result does not fit into memory.
         """
-        options: dict[str, Any] = {"mode": mode, "cval": cval, "out": out, "threads": threads, "progress": progress}
-        return run(self._bank, self._plan.span, x, axis=axis, **options)
-
-    @classmethod
-    def from_cutoff(cls, cutoff: float, deriv: SupportsIndex = 1, *, unit: str = "Hz", **design: Any) -> Differentiator:
-        """Return the design whose cutoff is nearest to `cutoff`.
-
-        Parameters
-        ----------
-        cutoff : float
-            Where the amplitude leaves that of an ideal differentiator (Kiltz and Rudolph; `half_power` is the -3 dB
-            point).
-        deriv : int
-            Order of the derivative.
-        unit : {"Hz", "rad/s"}
-            Of `cutoff`: cycles or radians per unit of `delta`.
-        **design
-            The other arguments of `Differentiator`, without `window_length`.
-
-        Returns
-        -------
-        Differentiator
-            Its `cutoff` says, in Hz, what a whole number of samples came to.
-
-        Raises
-        ------
-        ValueError
-            `cutoff` is not positive, or so high that no window of ``degree + 1`` samples reaches it; or the kernel has
-            no cutoff.
-
-        Warns
-        -----
-        DesignWarning
-            The kernel damps the Nyquist frequency by less than 10 dB against the cutoff: the weights cannot follow it.
-
-        Examples
-        --------
-        >>> from algdiff import Differentiator
-        >>> d = Differentiator.from_cutoff(20, fs=1000)
-        >>> d.window_length, round(d.cutoff, 2)
-        (47, 20.13)
-        """
-        return choice.from_cutoff(cls, cutoff, deriv, unit, design)
-
-    @classmethod
-    def from_duration(cls, duration: float, deriv: SupportsIndex = 1, **design: Any) -> Differentiator:
-        """Return the design whose window is nearest to `duration` long.
-
-        Parameters
-        ----------
-        duration : float
-            Length T of the window, in the unit of `delta`: rounded to the nearest whole number of steps (up at one
-            half; for "simpson" to the nearest even number), which are `window_length` with rules on cells and one less
-            on nodes.
-        deriv : int
-            Order of the derivative.
-        **design
-            The other arguments of `Differentiator`, without `window_length`.
-
-        Returns
-        -------
-        Differentiator
-            Its `duration` says what it came to.
-
-        Examples
-        --------
-        >>> from algdiff import Differentiator
-        >>> d = Differentiator.from_duration(0.3, delta=0.007)
-        >>> d.window_length, round(d.duration, 3)
-        (43, 0.301)
-        """
-        return choice.from_duration(cls, duration, deriv, design)
-
-    @classmethod
-    def from_delay(
-        cls, delay: float, deriv: SupportsIndex = 1, *, tau: float | str = "center", **design: Any
-    ) -> Differentiator:
-        """Return the design with the point of estimation `tau` whose delay is nearest to `delay`.
-
-        A longer window damps more noise, so that this is the longest window that a delay allows at this `tau`. For a
-        given window and delay use ``Differentiator(window_length, delay=...)``, for the best of all `delay_tradeoff`.
-
-        Parameters
-        ----------
-        delay : float
-            Time from the estimate to the newest sample, in the unit of `delta`, positive.
-        deriv : int
-            Order of the derivative.
-        tau : {"center", "root"} or float
-            Point of estimation, below 1.
-        **design
-            The other arguments of `Differentiator`, without `window_length` and `delay`.
-
-        Returns
-        -------
-        Differentiator
-            Its `delay` says what it came to.
-
-        Examples
-        --------
-        >>> from algdiff import Differentiator
-        >>> d = Differentiator.from_delay(0.05, tau="root", fs=1000)
-        >>> d.window_length, round(d.delay, 4)
-        (239, 0.05)
-        """
-        return choice.from_delay(cls, delay, deriv, tau, design)
-
-    @classmethod
-    def from_notch(
-        cls, frequency: float, deriv: SupportsIndex = 1, *, order: SupportsIndex = 1, unit: str = "Hz", **design: Any
-    ) -> Differentiator:
-        """Return a design that annihilates a frequency.
-
-        The response of a symmetric window has zeros. The window is made as long as puts the `order`-th of them next to
-        `frequency`, and the exponents, equal at both ends, are then moved until it is there: to rounding, at the whole
-        number of samples. They move little for windows of many samples, and by 1 or more for those of a few.
-
-        Parameters
-        ----------
-        frequency : float
-            The frequency to annihilate, above 0 and below half the sampling rate.
-        deriv : int
-            Order of the derivative.
-        order : int
-            Which zero of the response, counted from 1: higher ones give longer windows.
-        unit : {"Hz", "rad/s"}
-            Of `frequency`: cycles or radians per unit of `delta`.
-        **design
-            The other arguments of `Differentiator`, without `window_length`; `tau` must be "center" and `kappa` equal
-            to `mu`, the exponent to start from.
-
-        Returns
-        -------
-        Differentiator
-            Its `kappa` and `mu` say what the exponents came to.
-
-        Examples
-        --------
-        >>> from algdiff import Differentiator
-        >>> d = Differentiator.from_notch(50, fs=1000)
-        >>> d.window_length, round(d.kappa, 3), bool(abs(d.frequency_response(50)) < 1e-9)
-        (51, 1.045, True)
-        """
-        return choice.from_notch(cls, frequency, deriv, order, unit, design)
+        return run(
+            self._bank,
+            self._plan,
+            x,
+            orders=self._leading,
+            axis=axis,
+            mode=mode,
+            cval=cval,
+            out=out,
+            threads=threads,
+            progress=progress,
+        )
 
     def summary(self) -> report.Summary:
         """Return the design in plain numbers and words, as JSON can hold them.
@@ -414,6 +344,7 @@ class Differentiator(Filter):
         >>> summary["delay"], summary["delay_samples"], summary["exactness"], summary["roll_off"]
         (0.025, 25.0, 4, 60.0)
         """
+        single("a summary", self)
         return report.summary(self)
 
     def to_c(self, name: str = "differentiator") -> str:
@@ -446,13 +377,15 @@ class Differentiator(Filter):
         #define VELOCITY_DELAY 0.2
         #define VELOCITY_DELAY_SAMPLES 2.0
         """
+        single("a C header", self)
         return export.to_c(self, name)
 
     def replace(self, **changes: Any) -> Differentiator:
         """Return a design with some arguments changed, the others as they were given.
 
         Words and defaults are resolved anew: "newest" stays the newest sample under another window length. `delay` and
-        `tau` replace each other, and so do `fs` and `delta`.
+        `tau` replace each other, and so do `fs` and `delta`. ``replace(deriv=(0, 1, 2))`` gives more orders of the same
+        window, of the degree that was given or that these orders have by default.
 
         Parameters
         ----------
@@ -475,7 +408,9 @@ class Differentiator(Filter):
 
     @property
     def _key(self) -> tuple[Any, ...]:
-        return tuple(getattr(self, name) for name in self._names)
+        """What the design does, whatever words it was asked for by."""
+        engines = self._bank.engine(single=False), self._bank.engine(single=True)
+        return (*(getattr(self, name) for name in self._names), engines)
 
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"a Differentiator does not change: cannot set {name}, see replace()")
@@ -490,15 +425,23 @@ class Differentiator(Filter):
         return hash(self._key)
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
-        return _rebuild, (self._asked,)
+        return rebuild, (self._asked,)
 
     def __repr__(self) -> str:
-        words = ", ".join(f"{name}={value!r}" for name, value in zip(self._names, self._key, strict=True))
-        return f"Differentiator({words})"
+        words = [f"{name}={getattr(self, name)!r}" for name in self._names]
+        return f"Differentiator({', '.join(words)}, engine={self._asked['engine']!r})"
 
 
-def _rebuild(asked: dict[str, Any]) -> Differentiator:
-    """Undo `Differentiator.__reduce__`; whoever made the design has had its warning."""
+def rebuild(asked: dict[str, Any]) -> Differentiator:
+    """Return the design without a warning: whoever made it has had it, or will be given it."""
     design = object.__new__(Differentiator)
     design._set(asked)
     return design
+
+
+@designs.remembered
+def remembered(*words: Any) -> tuple[Differentiator, int]:
+    """Return the design of the arguments of `_designs.asked`, one for all who ask; the warning is left to them."""
+    design = rebuild(designs.asked(*words))
+    # Weights, taps of both precisions at two points, and the fit at the ends.
+    return design, len(design._plans) * design.window_length * (design.degree + 10)

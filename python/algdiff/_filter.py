@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from algdiff import _arguments as arguments
 from algdiff._core import Bank, Plan
 from algdiff._kernel import Asymptotes, Kernel
+from algdiff._orders import each, stacked
 
 
 class Filter:
@@ -19,7 +20,10 @@ class Filter:
     __slots__ = (
         "_asked",
         "_bank",
+        "_crowded",
+        "_leading",
         "_plan",
+        "_plans",
         "_weights",
         "degree",
         "delta",
@@ -34,10 +38,13 @@ class Filter:
 
     _asked: dict[str, Any]
     _bank: Bank
+    _crowded: bool
+    _leading: int | None
     _plan: Plan
+    _plans: list[Plan]
     _weights: NDArray[np.float64]
     window_length: int
-    deriv: int
+    deriv: Any
     degree: int
     kappa: float
     mu: float
@@ -46,6 +53,7 @@ class Filter:
     rule: str
     trim: float
 
+    @stacked
     def frequency_response(self, frequency: ArrayLike) -> Any:
         r"""Return the frequency response of the weights.
 
@@ -77,6 +85,7 @@ class Filter:
         self._plan.frequency_response(flat, values)
         return values.reshape(shape)[()]
 
+    @stacked
     def asymptotes(self, frequency: ArrayLike) -> Asymptotes:
         """Return what the amplitude of the continuous kernel tends to beyond the cutoff.
 
@@ -97,6 +106,7 @@ class Filter:
             omega = 2 * math.pi * self.duration * flat
         return Asymptotes(*((values / scale).reshape(shape)[()] for values in self.kernel.asymptotes(omega)))
 
+    @stacked
     def impulse_response(self, t: ArrayLike) -> Any:
         """Return the output at time `t` if the sample at time 0 is 1 and all others are 0: the weights, newest first.
 
@@ -111,6 +121,7 @@ class Filter:
         """
         return self._held(self._weights[::-1], 0.0, t)
 
+    @stacked
     def step_response(self, t: ArrayLike) -> Any:
         """Return the output at time `t` if all samples from time 0 on are 1 and all before are 0.
 
@@ -139,6 +150,7 @@ class Filter:
         values[np.isnan(flat)] = np.nan
         return values.reshape(shape)[()]
 
+    @each
     def discretisation_error(self, frequency: float | None = None) -> float:
         """Return how far the response lies from that of the continuous kernel.
 
@@ -172,6 +184,7 @@ class Filter:
         return self._plan.delay_samples
 
     @property
+    @each
     def moment_delay(self) -> float:
         """Delay at low frequencies, in the unit of `delta`."""
         return self._plan.moment_delay * self.delta
@@ -187,49 +200,58 @@ class Filter:
         return self._weights
 
     @property
+    @each
     def noise_gain(self) -> float:
         """Sum of the squared weights."""
         with np.errstate(over="ignore"):
             return float(self._weights @ self._weights)
 
     @property
+    @each
     def norm1(self) -> float:
         """Sum of the weights' sizes."""
         return float(np.abs(self._weights).sum())
 
     @property
+    @each
     def exactness(self) -> int:
         """Polynomials up to this degree are differentiated exactly at `tau`; -1 if none."""
         exactness = self._plan.exactness
         return -1 if exactness is None else exactness
 
     @property
+    @each
     def bias_order(self) -> int:
         """How many orders beyond `deriv` the derivative lies that the leading error follows."""
-        return self.exactness + 1 - self.deriv
+        return int(self.exactness) + 1 - int(self.deriv)
 
     @property
+    @each
     def bias_constant(self) -> float:
         """Factor of the leading error."""
         return self._plan.bias_constant()
 
     @property
+    @each
     def bias_bound(self) -> float:
         """Factor of the largest error."""
         return self._plan.bias_bound
 
     @property
+    @each
     def cutoff(self) -> float | None:
         """Cutoff of the kernel in Hz, or None."""
         cutoff = self.kernel.cutoff
         return None if cutoff is None else cutoff / (2 * math.pi * self.duration)
 
     @property
+    @each
     def half_power(self) -> float | None:
         """The -3 dB point of the weights in Hz, or None."""
         return self._plan.half_power()
 
     @property
+    @each
     def nyquist_attenuation(self) -> float | None:
         """Attenuation of the kernel at the Nyquist frequency against the cutoff in dB, or None."""
         kernel = self.kernel
@@ -240,6 +262,7 @@ class Filter:
             return float(20 * np.log10(passed / damped))
 
     @property
+    @each
     def kernel(self) -> Kernel:
         """The continuous kernel that the weights discretise."""
         return Kernel(self.deriv, self.degree, self.kappa, self.mu, self.tau)

@@ -39,8 +39,8 @@ def gradient(
     window_length : int, optional
         Number of samples in the window.
     **window
-        With a window, keywords of `differentiate`: `degree`, `kappa`, `mu`, `tau`, `delay`, `rule`, `trim`, `mode`,
-        `cval`, `threads`.
+        With a window, keywords of `differentiate`: `degree`, `kappa`, `mu`, `tau`, `delay`, `rule`, `trim`, `engine`,
+        `mode`, `cval`, `threads`.
 
     Returns
     -------
@@ -73,7 +73,7 @@ def gradient(
         return tuple(plain) if isinstance(plain, (list, tuple)) else cast("Samples", plain)
     if edge_order not in (1, 2):
         raise ValueError(f"edge_order must be 1 or 2, got {edge_order!r}")
-    values = arguments.samples("f", f)
+    values = arguments.signal("f", f)
     axes = _axes(axis, values.ndim)
     design = {name: value for name, value in window.items() if name in _DESIGN}
     call = {name: value for name, value in window.items() if name in _CALL}
@@ -84,7 +84,7 @@ def gradient(
     return result[0] if len(result) == 1 else tuple(result)
 
 
-_DESIGN = {"degree", "kappa", "mu", "tau", "delay", "rule", "trim"}
+_DESIGN = {"degree", "kappa", "mu", "tau", "delay", "rule", "trim", "engine"}
 _CALL = {"mode", "cval", "threads"}
 
 

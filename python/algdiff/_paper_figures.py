@@ -52,7 +52,7 @@ class Curve(NamedTuple):
 
     def design(self, rule: str) -> Differentiator:
         """Return the estimator by a rule: under both on the same ``steps + 1`` samples."""
-        exponents = {"kappa": self.exponent, "mu": self.exponent}
+        exponents: dict[str, Any] = {"kappa": self.exponent, "mu": self.exponent}
         return Differentiator(self.steps + 1, 1, degree=self.degree, tau=self.tau, delta=DELTA, rule=rule, **exponents)
 
     def estimate(self, y: Samples, rule: str, threads: int | None = None) -> Estimates:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from algdiff import _report as report
 from algdiff._differentiator import Differentiator
 from algdiff._kernel import Kernel
+from algdiff._orders import single
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,6 +60,8 @@ def plot_kernel(design_or_kernel: Differentiator | Kernel, ax: Axes | None = Non
     """
     if not isinstance(design_or_kernel, (Differentiator, Kernel)):
         raise TypeError(f"design_or_kernel must be a Differentiator or a Kernel, got {design_or_kernel!r}")
+    if isinstance(design_or_kernel, Differentiator):
+        single("a picture", design_or_kernel)
     ax = _axes(ax)
     points = np.concatenate(([0.0], (np.arange(1000) + 0.5) / 1000, [1.0]))
     if isinstance(design_or_kernel, Kernel):
@@ -184,6 +187,7 @@ def _axes(ax: Axes | None) -> Axes:
 def _check(design: object) -> None:
     if not isinstance(design, Differentiator):
         raise TypeError(f"design must be a Differentiator, got {design!r}")
+    single("a picture", design)
 
 
 def _draw_kernel(ax: Axes, points: NDArray[np.float64], kernel: Kernel) -> None:

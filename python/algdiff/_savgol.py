@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import SupportsIndex
+from typing import NamedTuple, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from algdiff import _arguments as arguments
 from algdiff._arguments import Samples
 from algdiff._core import Bank, Plan
+from algdiff._designs import remembered
 from algdiff._run import run
 
 _MODES = {mode: mode for mode in ("mirror", "nearest", "constant", "wrap")} | {"interp": "fit"}
@@ -26,6 +27,7 @@ def savgol_filter(
     cval: float = 0.0,
     *,
     threads: int | None = None,
+    engine: str = "auto",
 ) -> Samples:
     """Apply a Savitzky-Golay filter: the arguments and the result of `scipy.signal.savgol_filter`.
 
@@ -54,6 +56,8 @@ def savgol_filter(
         The value beyond the data in mode "constant".
     threads : int, optional
         At most this many threads.
+    engine : {"auto", "direct", "moments", "fft"}
+        How the coefficients are applied, as in `Differentiator`.
 
     Returns
     -------
@@ -74,20 +78,39 @@ def savgol_filter(
     """
     if not isinstance(mode, str) or mode not in _MODES:
         raise ValueError(f"mode must be 'mirror', 'constant', 'nearest', 'wrap' or 'interp', got {mode!r}")
-    length, degree, order, step = _check(window_length, polyorder, deriv, delta)
-    shape = np.shape(x) if mode == "interp" else ()
-    if shape and length > shape[arguments.axis_index(axis, len(shape))]:
+    if type(x) is not np.ndarray:
+        x = arguments.signal("x", x)
+    filtering = _filtering(window_length, polyorder, deriv, delta, engine)
+    length = filtering.window_length
+    if mode == "interp" and x.ndim and length > x.shape[arguments.axis_index(axis, x.ndim)]:
         raise ValueError(
             f"window_length must be at most the size of x along axis {axis} in mode 'interp', got {length}"
         )
-    plan = _plan(length, degree, min(order, degree), step, (length - 1) / 2)
-    even = length % 2 == 0
-    result = run(Bank([plan]), length, x, axis=axis, mode=_MODES[mode], cval=cval, half_sample=even, threads=threads)
-    if order > degree:
-        result *= 0
-    elif step < 0 and order % 2:
-        np.negative(result, out=result)
+    bank, plan, even = filtering.bank, filtering.plan, length % 2 == 0
+    result = run(bank, plan, x, axis=axis, mode=_MODES[mode], cval=cval, half_sample=even, threads=threads)
+    if filtering.sign != 1:
+        np.multiply(result, filtering.sign, out=result)
     return result
+
+
+class _Filtering(NamedTuple):
+    """What `savgol_filter` does to any data: a bank, and a factor of 1, -1, or 0 beyond `polyorder`."""
+
+    window_length: int
+    plan: Plan
+    bank: Bank
+    sign: int
+
+
+@remembered
+def _filtering(
+    window_length: object, polyorder: object, deriv: object, delta: object, engine: object
+) -> tuple[_Filtering, int]:
+    length, degree, order, step = _check(window_length, polyorder, deriv, delta)
+    plan = _plan(length, degree, min(order, degree), step, (length - 1) / 2)
+    bank = Bank([plan], arguments.word("engine", engine, "a word such as 'auto'"))
+    sign = 0 if order > degree else -1 if step < 0 and order % 2 else 1
+    return _Filtering(length, plan, bank, sign), length * (degree + 10)
 
 
 def savgol_coeffs(

@@ -55,6 +55,14 @@ impl Bank {
         self.engine
     }
 
+    /// Cuts between windows that start at multiples of this change no bit of the outputs.
+    #[must_use]
+    pub fn grid<T: Sample>(&self) -> usize {
+        match self.engine::<T>() {
+            Engine::Direct => 1,
+        }
+    }
+
     /// The prepared engine of the estimates at `tau`.
     pub fn at_tau<T: Sample>(&self) -> Result<&Runner<T>, Error> {
         self.prepared(&self.at_tau, |plan| Ok(plan.taps()))

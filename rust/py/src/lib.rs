@@ -284,6 +284,11 @@ impl Plan {
     }
 
     #[getter]
+    fn aligned_position(&self) -> isize {
+        self.0.aligned_position()
+    }
+
+    #[getter]
     fn exactness(&self) -> Option<usize> {
         self.0.exactness()
     }
@@ -362,6 +367,11 @@ impl Bank {
     fn engine(&self, single: bool) -> &'static str {
         let engine = if single { self.0.engine::<f32>() } else { self.0.engine::<f64>() };
         ENGINES.iter().find(|(_, known)| *known == engine).map_or("", |(word, _)| word)
+    }
+
+    /// Cuts between windows that start at multiples of this change no bit of the outputs.
+    fn grid(&self, single: bool) -> usize {
+        if single { self.0.grid::<f32>() } else { self.0.grid::<f64>() }
     }
 
     #[pyo3(signature = (x, out, layout, mode, cval=0.0, *, half_sample=false, aligned=false, part=None, threads=0, progress=None))]
