@@ -109,9 +109,9 @@ def bound(engine: str, d: algdiff.Differentiator, x: Array) -> npt.NDArray[np.fl
         The same sums in another order, and per block the moments and the polynomial that they make: each of their D + 1
         terms is bounded by sum|W| max|s| times the size of the basis, 2 l + 1 for Legendre's l-th, so (D + 1)^2 in all.
     fft
-        A transform of N points errs by at most c log2(N) eps in the 2-norm of its block (Higham 2002, 24.1), which is at
-        most sqrt(N) times the largest difference; the transformed taps have at most the 2-norm of W times sqrt(N), and
-        the way back takes that away again. A block holds at most the larger of 16,384 samples and 8 windows.
+        A transform of N points errs by at most c log2(N) eps in the 2-norm of its block (Higham 2002, 24.1), which is
+        at most sqrt(N) times the largest difference; the transformed taps have at most the 2-norm of W times sqrt(N),
+        and the way back takes that away again. A block holds at most the larger of 16,384 samples and 8 windows.
     """
     w = np.abs(taps(d)).astype(float)
     samples = np.asarray(x, float)
@@ -134,6 +134,25 @@ def bound(engine: str, d: algdiff.Differentiator, x: Array) -> npt.NDArray[np.fl
     if d.deriv == 0:
         result = result + 4 * eps * window_maximum(np.abs(samples), length, outputs)
     return result + lost
+
+
+def usual(engine: str, d: algdiff.Differentiator, x: Array) -> float:
+    """Return what the root mean square of the errors on noise should stay below.
+
+    Rounding errors that are independent add up as their squares: the L partial sums of a dot product have at most the
+    size |W|_2 rms(s); each of the log2(N) passes of a transform adds eps to every value; the blocks of moments make
+    D + 1 such sums.
+    """
+    w = taps(d).astype(float)
+    s = np.diff(x.astype(float)) if on_differences(d) else x.astype(float)
+    factors = {
+        "direct": math.sqrt(len(w)),
+        "moments": (d.degree + d.kappa + d.mu + 2) * math.sqrt(len(w)),
+        "fft": 2 * math.log2(max(2**14, 8 * len(w))),
+    }
+    own = float(np.linalg.norm(w)) * float(np.sqrt(np.mean(s**2)))
+    smoothed = float(np.sqrt(np.mean(x.astype(float) ** 2))) if d.deriv == 0 else 0.0
+    return float(np.finfo(x.dtype).eps) * (factors[engine] * own + smoothed)
 
 
 def window_maximum(values: Array, length: int, outputs: int) -> Array:

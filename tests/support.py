@@ -69,6 +69,7 @@ class ByEngine:
         self.bank = Bank([self.design._plan], engine)
 
     def __call__(self, x: npt.ArrayLike, axis: int = -1, **options: Any) -> npt.NDArray[Any]:
+        """Run it."""
         return run(self.bank, len(self.design.weights), x, axis=axis, **options)
 
     def engine(self, dtype: npt.DTypeLike) -> str:

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-import algdiff
-from engines import DTYPES, OTHERS, Case, accepts, assert_within, bound, by_engine, designed, naive, signals
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+import algdiff
+from engines import DTYPES, OTHERS, Case, accepts, assert_within, bound, by_engine, designed, naive, signals, usual
 from support import ENGINES, ByEngine
 
 WINDOWS = (5, 6, 11, 31, 32, 33, 61, 64, 100, 127, 500, 1001, 4001, 100_000)
@@ -166,6 +166,18 @@ def test_the_automatic_choice_is_one_of_them_and_gives_its_bits(dtype: Any) -> N
         assert chosen in ENGINES
         named = ByEngine(chosen, length, 1, degree=3, kappa=exponent, mu=exponent)
         assert automatic(x).tobytes() == named(x).tobytes()
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_usual_error_is_that_of_independent_roundings(engine: str, dtype: Any) -> None:
+    x = np.random.default_rng(13).standard_normal(40_000).astype(dtype)
+    for length, (deriv, exponent) in product((11, 61, 64, 200, 1001, 4001), ((0, 0.0), (1, 0.0), (1, 1.0), (3, 2.0))):
+        case = Case(length, deriv, deriv + 2, exponent, exponent, "newest")
+        places = np.arange(0, len(x) - length + 1, 61 if length < 1000 else 701)
+        error = by_engine(engine, case)(x, mode="valid")[places] - naive(designed(case), x, places)
+        typical = float(np.sqrt(np.mean(error**2)))
+        assert typical <= usual(engine, designed(case), x), f"{engine} {case}"
 
 
 def test_bounds_tell_engines_apart_from_wrong_ones() -> None:

@@ -45,9 +45,7 @@ def test_five_thousand_cuts_with_a_halo(engine: str, dtype: Any) -> None:
         x = (rng.standard_normal(halo + outputs) + 100).astype(dtype)
         cuts = np.unique(rng.integers(1, outputs, rng.integers(1, 40)))
         made += len(cuts)
-        pieces = [
-            run(x[start : stop + halo], mode="valid", threads=1) for start, stop in pairwise([0, *cuts, outputs])
-        ]
+        pieces = [run(x[start : stop + halo], mode="valid", threads=1) for start, stop in pairwise([0, *cuts, outputs])]
         same(engine, case, np.concatenate(pieces), run(x, mode="valid", threads=1), x, f"cut at {cuts}")
 
 
@@ -76,14 +74,19 @@ def test_axes_equal_the_moved_axis(engine: str, dtype: Any) -> None:
         if not accepts(engine, case):
             continue
         run, length = by_engine(engine, case), case.window_length
-        for shape, axis in [((length + 900, 11), 0), ((3, length + 130, 17), 1), ((5, 4, length + 70), 2), ((length, 3), 0)]:
+        for shape, axis in [
+            ((length + 900, 11), 0),
+            ((3, length + 130, 17), 1),
+            ((5, 4, length + 70), 2),
+            ((length, 3), 0),
+        ]:
             x = rng.standard_normal(shape).astype(dtype)
             for mode in ("valid", "wrap"):
                 got = np.moveaxis(run(x, axis, mode=mode), axis, -1)
                 rows = np.moveaxis(x, axis, -1)
                 for index in np.ndindex(rows.shape[:-1]):
                     row = np.ascontiguousarray(rows[index])
-                    extended = row if mode == "valid" else np.pad(row, (before(case), length - 1 - before(case)), "wrap")
+                    extended = row if mode == "valid" else np.pad(row, (first, length - 1 - first), "wrap")
                     same(engine, case, got[index], run(row, mode=mode), extended, f"{shape} {axis} {mode}")
 
 
@@ -108,7 +111,9 @@ def test_modes_equal_the_direct_engine(engine: str, mode: str) -> None:
             if mode in pads:
                 options: dict[str, Any] = {"constant_values": 2.0} if mode == "constant" else {}
                 extended = np.pad(x, (first, beyond), pads[mode], **options)  # type: ignore[call-overload]
-                assert_within(got, expected, bound(engine, d, extended) + bound("direct", d, extended), f"{case} {count}")
+                assert_within(
+                    got, expected, bound(engine, d, extended) + bound("direct", d, extended), f"{case} {count}"
+                )
                 continue
             interior = slice(first, count - beyond)
             allowed = bound(engine, d, x) + bound("direct", d, x)
