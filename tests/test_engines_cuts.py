@@ -73,13 +73,9 @@ def test_axes_equal_the_moved_axis(engine: str, dtype: Any) -> None:
     for case in CASES:
         if not accepts(engine, case):
             continue
-        run, length = by_engine(engine, case), case.window_length
-        for shape, axis in [
-            ((length + 900, 11), 0),
-            ((3, length + 130, 17), 1),
-            ((5, 4, length + 70), 2),
-            ((length, 3), 0),
-        ]:
+        run, length, first = by_engine(engine, case), case.window_length, before(case)
+        shapes = [((length + 900, 11), 0), ((3, length + 130, 17), 1), ((5, 4, length + 70), 2), ((length, 3), 0)]
+        for shape, axis in shapes:
             x = rng.standard_normal(shape).astype(dtype)
             for mode in ("valid", "wrap"):
                 got = np.moveaxis(run(x, axis, mode=mode), axis, -1)
