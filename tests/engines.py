@@ -18,6 +18,7 @@ Long = npt.NDArray[np.longdouble]
 
 OTHERS = tuple(engine for engine in ENGINES if engine != "direct")
 DTYPES = (np.float64, np.float32)
+MOST, LEAST = 8, 31  # the degree and the window from which on moments may refuse a design
 ROWS = 512  # windows that the naive sum takes at a time
 
 
@@ -37,9 +38,13 @@ class Case(NamedTuple):
         return {name: value for name, value in self._asdict().items() if name not in ("window_length", "deriv")}
 
     def polynomial(self) -> bool:
-        """Say whether the weights are a polynomial in the sample index, but for the end samples, as moments need."""
+        """Say whether the weights are a polynomial in the sample index, but for the end samples."""
         whole = all(value >= 0 and float(value).is_integer() for value in (self.kappa, self.mu))
         return whole and self.rule in ("exact", "trapezoid")
+
+    def size(self) -> float:
+        """Return the degree of that polynomial."""
+        return self.degree + self.kappa + self.mu
 
 
 @cache
@@ -55,8 +60,8 @@ def by_engine(engine: str, case: Case) -> ByEngine:
 
 
 def accepts(engine: str, case: Case) -> bool:
-    """Say whether `engine` has to run this design: all run all, but moments needs polynomials."""
-    return engine != "moments" or case.polynomial()
+    """Say whether `engine` has to run this design: moments needs polynomials, low ones, and windows not too short."""
+    return engine != "moments" or (case.polynomial() and case.size() <= MOST and case.window_length >= LEAST)
 
 
 def on_differences(d: algdiff.Differentiator) -> bool:
@@ -72,12 +77,12 @@ def middle(d: algdiff.Differentiator) -> int:
     return length // 2
 
 
-def taps(d: algdiff.Differentiator) -> Long:
+def taps(d: algdiff.Differentiator, anchor: int | None = None) -> Long:
     """Return what multiplies the differences, or the samples: sums of weights, each side of the middle from its end."""
     w = d.weights.astype(np.longdouble)
     if not on_differences(d):
         return w
-    m = middle(d)
+    m = middle(d) if anchor is None else anchor
     return np.concatenate([-np.cumsum(w[:m]), np.cumsum(w[:m:-1])[::-1]])
 
 
@@ -108,12 +113,15 @@ def bound(engine: str, d: algdiff.Differentiator, x: Array) -> npt.NDArray[np.fl
     moments
         The same sums in another order, and per block the moments and the polynomial that they make: each of their D + 1
         terms is bounded by sum|W| max|s| times the size of the basis, 2 l + 1 for Legendre's l-th, so (D + 1)^2 in all.
+        D is one more for sums of weights. Smoothers have the newest sample as their anchor: only then are the sums one
+        polynomial.
     fft
-        A transform of N points errs by at most c log2(N) eps in the 2-norm of its block (Higham 2002, 24.1), which is
-        at most sqrt(N) times the largest difference; the transformed taps have at most the 2-norm of W times sqrt(N),
-        and the way back takes that away again. A block holds at most the larger of 16,384 samples and 8 windows.
+        A transform of N points errs by at most c log2(N) eps in the 2-norm of its block (Higham 2002, 24.1), which the
+        spectrum of the taps multiplies by at most their 2-norm: 8 eps log2(N) |W|_2 |s|_2. The block's samples count up
+        to 2^10 (single precision: 2^5) times the largest of the window; it holds at most 2^14, or 16 windows.
     """
-    w = np.abs(taps(d)).astype(float)
+    newest = len(d.weights) - 1 if engine == "moments" and d.deriv == 0 else None
+    w = np.abs(taps(d, newest)).astype(float)
     samples = np.asarray(x, float)
     s = np.abs(np.diff(samples)) if on_differences(d) else np.abs(samples)
     eps, tiny = float(np.finfo(x.dtype).eps), float(np.finfo(x.dtype).smallest_subnormal)
@@ -127,9 +135,9 @@ def bound(engine: str, d: algdiff.Differentiator, x: Array) -> npt.NDArray[np.fl
         result += 64 * eps * w.sum() * top
         lost *= 64
     elif engine == "fft":
-        points = max(2**14, 2 ** math.ceil(math.log2(8 * length)))
-        energy = float(np.sqrt(np.sum(w**2))) * math.sqrt(points) * s.max(initial=0.0)
-        result = result + 4 * eps * math.log2(points) * energy
+        points = max(2**14, 2 ** math.ceil(math.log2(16 * length)))
+        near = np.minimum((2**10 if x.dtype == np.float64 else 2**5) * top, s.max(initial=0.0))
+        result = result + 8 * eps * math.log2(points) * math.sqrt(points) * float(np.linalg.norm(w)) * near
         lost *= points
     if d.deriv == 0:
         result = result + 4 * eps * window_maximum(np.abs(samples), length, outputs)

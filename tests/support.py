@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 import json
 import warnings
 from pathlib import Path
@@ -65,16 +67,21 @@ class ByEngine:
     """A design run by the named engine."""
 
     def __init__(self, engine: str, *args: Any, **options: Any) -> None:
+        if "engine" in inspect.signature(algdiff.Differentiator).parameters:
+            self.run = self.design = design(*args, engine=engine, **options)
+            return
         self.design = design(*args, **options)
         self.bank = Bank([self.design._plan], engine)
+        self.run = functools.partial(run, self.bank, len(self.design.weights))
 
     def __call__(self, x: npt.ArrayLike, axis: int = -1, **options: Any) -> npt.NDArray[Any]:
         """Run it."""
-        return run(self.bank, len(self.design.weights), x, axis=axis, **options)
+        return self.run(x, axis=axis, **options)
 
     def engine(self, dtype: npt.DTypeLike) -> str:
         """Return the name of the engine for this type of samples."""
-        return self.bank.engine(np.dtype(dtype) == np.float32)
+        single = np.dtype(dtype) == np.float32
+        return self.bank.engine(single) if hasattr(self, "bank") else self.design.engine_for(dtype)
 
 
 def conditioning(length: int, degree: int, kappa: float, mu: float) -> float:
