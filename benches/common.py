@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import inspect
 import os
 import platform
 import sys
@@ -29,6 +30,7 @@ EPS = float(np.finfo(float).eps)
 ALL = ("direct", "moments", "fft")
 SAVGOL: dict[str, Any] = {"degree": 3, "kappa": 0.0, "mu": 0.0}
 COPY = "np.copyto"
+KEYWORD = "engine" in inspect.signature(algdiff.Differentiator).parameters
 
 
 def one_thread() -> None:
@@ -39,30 +41,36 @@ def one_thread() -> None:
 
 
 def estimator(engine: str, window_length: int, deriv: Any = 1, **design: Any) -> Callable[..., Samples]:
-    """Return the design run by `engine`, to be called as a `Differentiator` is; ValueError if it refuses the design."""
+    """Return the design run by `engine`, to be called as a `Differentiator` is.
+
+    Where the engine refuses the design, that or the first call is a ValueError.
+    """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        try:
+        if KEYWORD:
             return algdiff.Differentiator(window_length, deriv, engine=engine, **design)
-        except TypeError as error:
-            if "engine" not in str(error):
-                raise
         d = algdiff.Differentiator(window_length, deriv, **design)
     return partial(run, Bank([d._plan], engine), len(d.weights))
 
 
 def engines() -> tuple[str, ...]:
     """Return the engines of this build."""
-    return tuple(engine for engine in ALL if chosen(engine, 61) == engine)
+
+    def known(engine: str) -> bool:
+        try:
+            estimator(engine, 61, **SAVGOL)
+        except ValueError:
+            return False
+        return True
+
+    return tuple(filter(known, ALL))
 
 
-def chosen(engine: str, window_length: int, dtype: Any = np.float64, **design: Any) -> str | None:
-    """Return the engine that runs if `engine` is asked for, or none if it refuses."""
-    try:
-        d = algdiff.Differentiator(window_length, **{**SAVGOL, **design})
-        return Bank([d._plan], engine).engine(np.dtype(dtype) == np.float32)
-    except ValueError:
-        return None
+def chosen(window_length: int, dtype: Any = np.float64, deriv: Any = 1, **design: Any) -> str:
+    """Return the engine that runs by itself."""
+    run = estimator("auto", window_length, deriv, **{**SAVGOL, **design})
+    name: str = run.engine_for(dtype) if KEYWORD else run.args[0].engine(np.dtype(dtype) == np.float32)  # type: ignore[attr-defined]
+    return name
 
 
 def signal(count: int, dtype: Any = np.float64) -> Samples:

@@ -69,22 +69,20 @@ def measure(point: Point, x: NDArray[Any], repeat: int, seconds: float) -> dict[
     for engine in (*engines(), "auto"):
         try:
             run = estimator(engine, window_length, point.deriv, **point.design)
+            outputs[engine] = affordable(run, x, window_length, seconds)
         except ValueError:
             continue
         except TypeError:
             return None
-        outputs[engine] = affordable(run, x, window_length, seconds)
         piece = x[: outputs[engine] + window_length - 1]
         out = np.zeros((results, outputs[engine]) if results > 1 else outputs[engine], x.dtype)
         calls[engine] = partial(run, piece, mode="valid", threads=1, out=out)
     times = {name: 1e9 * best / outputs[name] for name, best in best_of(calls, repeat, 4 * seconds).items()}
     automatic = times.pop("auto")
-    # Of several orders the choice is that of the first: it is made for the window, the degree and the exponents.
-    deriv = point.deriv if results == 1 else point.deriv[0]
-    choice = chosen("auto", window_length, point.dtype, deriv=deriv, **point.design)
+    choice = chosen(window_length, point.dtype, point.deriv, **point.design)
     best = min(times, key=lambda name: times[name])
     # The automatic run is that of the chosen engine, timed twice.
-    ratio = min(automatic, times[choice or best]) / times[best]
+    ratio = min(automatic, times[choice]) / times[best]
     return {"ns": times, "auto_ns": automatic, "choice": choice, "best": best, "ratio": ratio}
 
 

@@ -67,40 +67,27 @@ def entry(peer: Peer, x: Samples, ours: Samples, window_length: int) -> Entry:
 
 
 def measure(x: Samples, out: Samples, window_length: int, options: argparse.Namespace) -> dict[str, Entry]:
-    """Check, then time in turn: copying, our engines, the peers."""
+    """Check, then time in turn: copying, the moving mean, our engines, the peers."""
     count, seconds = len(x), options.seconds
-    automatic = chosen("auto", window_length)
+    automatic = chosen(window_length)
     ours_on = fewer(count, window_length, PER_TAP, 5 * seconds) if automatic == "direct" else count
     valid = estimator("auto", window_length, **SAVGOL)(x[:ours_on], mode="valid", threads=1)
     check_ours(valid, x, window_length)
     top = float(np.abs(x).max())
-    norm1 = float(np.abs(algdiff.Differentiator(window_length, **SAVGOL).weights).sum())
-    lined_up = []
-    for name, engine in {OURS: automatic, **{f"algdiff {engine}": engine for engine in engines()}}.items():
-        direct = engine == "direct"
-        few = len(valid) < count - window_length or (direct and fewer(count, window_length, PER_TAP, seconds) < count)
-        call = ours(engine, window_length, out, "valid" if few else "fit")
-        lined_up.append(Peer(name, call, 8 * EPS * (window_length + 1000) * norm1 * top, PER_TAP if direct else 0.0))
-    lined_up += peers(window_length, count, top)
     entries: dict[str, Entry] = {COPY: {"samples": count, "outputs": count}}
     calls: dict[str, Callable[[], object]] = {COPY: partial(np.copyto, out, x)}
     mean = moving_mean(window_length)
     if mean is not None:
-        smooth = estimator("auto", window_length, 0, degree=0, kappa=0.0, mu=0.0)
-        few = x[: min(count, window_length + 100_000)]
-        drift = EPS * (len(few) + window_length) * top
-        check = Peer(FLOOR, lambda x: mean(x)[window_length - 1 :], drift)
-        entries[FLOOR] = entry(check, few, smooth(few, mode="valid"), window_length) | {
-            "samples": count,
-            "outputs": count,
-        }
-        calls[FLOOR] = partial(mean, x)
-    for peer in lined_up:
+        entries[FLOOR], calls[FLOOR] = floor(mean, x, window_length), partial(mean, x)
+    for peer in [*own(automatic, out, window_length, count, seconds, top), *peers(window_length, count, top)]:
         piece = x[: min(ours_on, fewer(count, window_length, peer.per_tap, seconds))]
         if peer.per_tap * window_length * len(piece) > 25e9 * seconds and not peer.name.startswith(OURS):
             entries[peer.name] = {"samples": 0, "not_timed": "too slow", "difference": None, "bound": None}
             continue
-        entries[peer.name] = entry(peer, piece, valid, window_length)
+        try:
+            entries[peer.name] = entry(peer, piece, valid, window_length)
+        except ValueError as refusal:
+            entries[peer.name] = {"samples": 0, "not_timed": str(refusal), "difference": None, "bound": None}
         calls[peer.name] = partial(peer.call, piece)
     calls = {name: call for name, call in calls.items() if not entries[name].get("not_timed")}
     for name, best in best_of(calls, options.repeat, 5 * seconds, COPY).items():
@@ -112,10 +99,31 @@ def measure(x: Samples, out: Samples, window_length: int, options: argparse.Name
     return entries
 
 
-def ours(engine: str, window_length: int, out: Samples, mode: str) -> Callable[[Samples], Samples]:
-    """Return our own call as users make it, into a given result; on few samples only the windows inside them."""
-    run, halo = estimator(engine, window_length, **SAVGOL), window_length - 1 if mode == "valid" else 0
-    return lambda x: run(x, threads=1, mode=mode, out=out[: len(x) - halo])
+def floor(mean: Callable[[Samples], Samples], x: Samples, window_length: int) -> Entry:
+    """Check the moving mean against ours on some samples: a running sum of n terms drifts by up to n eps max|x|."""
+    few = x[: min(len(x), window_length + 100_000)]
+    smooth = estimator("auto", window_length, 0, degree=0, kappa=0.0, mu=0.0)
+    check = Peer(FLOOR, lambda x: mean(x)[window_length - 1 :], EPS * 2 * len(few) * float(np.abs(x).max()))
+    return entry(check, few, smooth(few, mode="valid"), window_length) | {"samples": len(x), "outputs": len(x)}
+
+
+def own(automatic: str, out: Samples, window_length: int, count: int, seconds: float, top: float) -> list[Peer]:
+    """Return our own calls, as users make them, into a given result; on few samples only the windows inside them."""
+    norm1 = float(np.abs(algdiff.Differentiator(window_length, **SAVGOL).weights).sum())
+    bound = 8 * EPS * (window_length + 1000) * norm1 * top
+    found = []
+    for name, engine in {OURS: "auto", **{f"algdiff {engine}": engine for engine in engines()}}.items():
+        direct = (automatic if engine == "auto" else engine) == "direct"
+        few = direct and fewer(count, window_length, PER_TAP, seconds) < count
+        run = partial(estimator(engine, window_length, **SAVGOL), threads=1, mode="valid" if few else "fit")
+        halo = window_length - 1 if few else 0
+        call = partial(_into, run, out, halo)
+        found.append(Peer(name, call, bound, PER_TAP if direct else 0.0))
+    return found
+
+
+def _into(run: Callable[..., Samples], out: Samples, halo: int, x: Samples) -> Samples:
+    return run(x, out=out[: len(x) - halo])
 
 
 def against_targets(windows: dict[int, dict[str, Entry]]) -> list[list[str]]:

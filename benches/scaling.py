@@ -98,7 +98,7 @@ def measure(count: int, window_length: int, options: argparse.Namespace) -> Row:
             row = mapped(count, window_length, Path(folder))
         dtype, where = np.float32, "a sparse file"
     named = {"samples": count, "window": window_length, "dtype": np.dtype(dtype).name, "where": where}
-    engine = chosen("auto", window_length, dtype)
+    engine = chosen(window_length, dtype)
     return {**named, "engine": engine, **row, "seconds": time.perf_counter() - started}
 
 
