@@ -21,11 +21,12 @@ from algdiff._core import Bank
 from algdiff._run import run
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
-Samples = NDArray[Any] if TYPE_CHECKING else Any
+    Samples = NDArray[Any]
+
 EPS = float(np.finfo(float).eps)
 ALL = ("direct", "moments", "fft")
 SAVGOL: dict[str, Any] = {"degree": 3, "kappa": 0.0, "mu": 0.0}
@@ -48,7 +49,7 @@ def estimator(engine: str, window_length: int, deriv: Any = 1, **design: Any) ->
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         if KEYWORD:
-            return algdiff.Differentiator(window_length, deriv, engine=engine, **design)
+            return algdiff.Differentiator(window_length, deriv, **{**design, "engine": engine})
         d = algdiff.Differentiator(window_length, deriv, **design)
     return partial(run, Bank([d._plan], engine), len(d.weights))
 
@@ -85,7 +86,7 @@ def signal(count: int, dtype: Any = np.float64) -> Samples:
 
 
 def best_of(
-    calls: dict[str, Callable[[], object]],
+    calls: Mapping[str, Callable[[], object]],
     repeat: int,
     budget: float = 20.0,
     unit: str | None = None,

@@ -28,7 +28,9 @@ def draw(windows: dict[int, dict[str, dict[str, Any]]], header: dict[str, str], 
         if not points:
             continue
         ours, engine = name == OURS, name.startswith("algdiff ")
-        style = {"linewidth": 3.5, "color": "black", "alpha": 0.35} if ours else {"linewidth": 1.8 if engine else 1.0}
+        style: dict[str, Any] = (
+            {"linewidth": 3.5, "color": "black", "alpha": 0.35} if ours else {"linewidth": 1.8 if engine else 1.0}
+        )
         style |= {"linestyle": "-" if ours or engine else "--", "marker": "" if ours else "o" if engine else "."}
         axes.plot(*zip(*points, strict=True), label="algdiff, automatic" if ours else name, **style)
     axes.plot(list(windows), [entries[COPY]["ns"] for entries in windows.values()], color="gray", label=COPY)

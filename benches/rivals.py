@@ -64,7 +64,8 @@ def peers(window_length: int, count: int, top: float) -> list[Peer]:
 
 
 def _savgol(window_length: int, x: Samples) -> Samples:
-    return signal.savgol_filter(x, window_length, DEGREE, DERIV, mode="interp")
+    result: Samples = signal.savgol_filter(x, window_length, DEGREE, DERIV, mode="interp")
+    return result
 
 
 def moving_moments(window_length: int, weights: Samples) -> tuple[Callable[[Samples], Samples], float]:

@@ -51,7 +51,11 @@ def in_memory(count: int, window_length: int, dtype: Any, repeat: int) -> Row:
     one = partial(run, x, out=out, threads=1)
     one()
     extra = beyond(one)
-    calls = {COPY: partial(np.copyto, out, x), "one": one, "two": partial(run, x, out=out, threads=2)}
+    calls: dict[str, Callable[[], object]] = {
+        COPY: partial(np.copyto, out, x),
+        "one": one,
+        "two": partial(run, x, out=out, threads=2),
+    }
     best = best_of(calls, repeat * max(1, 10**6 // count), unit=COPY, clock=time.perf_counter)
     return {"ns": best["one"] / count * 1e9, "copies": best["one"] / best[COPY], "beyond": extra} | {
         "two_threads": best["one"] / best["two"]
@@ -80,7 +84,7 @@ def mapped(count: int, window_length: int, folder: Path) -> Row:
             stop = min(start + PIECE, count)
             np.copyto(out[: stop - start], x[start:stop])
 
-    calls = {COPY: copy, "one": passes(1), "two": passes(2)}
+    calls: dict[str, Callable[[], object]] = {COPY: copy, "one": passes(1), "two": passes(2)}
     best = best_of(calls, 2, budget=60.0, unit=COPY, clock=time.perf_counter)
     row = {"ns": best["one"] / count * 1e9, "copies": best["one"] / best[COPY], "beyond": None}
     return row | {"two_threads": best["one"] / best["two"]}
