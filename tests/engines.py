@@ -18,7 +18,7 @@ Long = npt.NDArray[np.longdouble]
 
 OTHERS = tuple(engine for engine in ENGINES if engine != "direct")
 DTYPES = (np.float64, np.float32)
-MOST, LEAST = 8, 31  # the degree and the window from which on moments may refuse a design
+MOST, LEAST, LONG = 8, 31, 2001  # moments may refuse higher degrees, and shorter and longer windows
 ROWS = 512  # windows that the naive sum takes at a time
 
 
@@ -61,7 +61,10 @@ def by_engine(engine: str, case: Case) -> ByEngine:
 
 def accepts(engine: str, case: Case) -> bool:
     """Say whether `engine` has to run this design: moments needs polynomials, low ones, and windows not too short."""
-    return engine != "moments" or (case.polynomial() and case.size() <= MOST and case.window_length >= LEAST)
+    if engine != "moments":
+        return True
+    least = LEAST if case.rule == "exact" else 2 * LEAST
+    return case.polynomial() and case.size() <= MOST and least <= case.window_length <= LONG
 
 
 def on_differences(d: algdiff.Differentiator) -> bool:
@@ -111,10 +114,10 @@ def bound(engine: str, d: algdiff.Differentiator, x: Array) -> npt.NDArray[np.fl
         A sum of L products errs by at most L eps times the sum of their sizes (Higham 2002, 3.1), which is at most
         sum|W| times the largest difference in the window; the differences, the taps and the scaling add a few eps each.
     moments
-        The same sums in another order, and per block the moments and the polynomial that they make: each of their D + 1
-        terms is bounded by sum|W| max|s| times the size of the basis, 2 l + 1 for Legendre's l-th, so (D + 1)^2 in all.
-        D is one more for sums of weights. Smoothers have the newest sample as their anchor: only then are the sums one
-        polynomial.
+        At most 64 taps at either end, in three sums; what comes by moments passes D + 1 of them, each with the size of
+        the basis, 2 l + 1 for Legendre's l-th, so (D + 1)^2 in all, in blocks and in groups. Weights that differ from a
+        polynomial by their own rounding, 1e-14 of the largest, count as one. D is one more for sums of weights.
+        Smoothers have the newest sample as their anchor: only then are the sums one polynomial.
     fft
         A transform of N points errs by at most c log2(N) eps in the 2-norm of its block (Higham 2002, 24.1), which the
         spectrum of the taps multiplies by at most their 2-norm: 8 eps log2(N) |W|_2 |s|_2. The block's samples count up
@@ -131,8 +134,8 @@ def bound(engine: str, d: algdiff.Differentiator, x: Array) -> npt.NDArray[np.fl
     # Products may vanish below the smallest number, before the power of two by which they are scaled.
     lost = (length + 8) * tiny * max(1.0, 2 * float(w.max(initial=0.0)))
     if engine == "moments":
-        result *= (d.degree + d.kappa + d.mu + 2) ** 2
-        result += 64 * eps * w.sum() * top
+        terms = 3 * 64 + 16 * (d.degree + d.kappa + d.mu + 2) ** 2
+        result = (eps * terms * w.sum() + 1e-14 * len(w) * w.max(initial=0.0)) * top
         lost *= 64
     elif engine == "fft":
         points = max(2**14, 2 ** math.ceil(math.log2(16 * length)))
