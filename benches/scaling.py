@@ -46,7 +46,7 @@ def beyond(call: Callable[[], object]) -> int | None:
 
 def in_memory(count: int, window_length: int, dtype: Any, repeat: int) -> Row:
     """Time one call on an array in memory."""
-    # The result is touched before, and the first call is the one whose memory counts: later ones find it in the process.
+    # The result is touched before, and the memory of the first call counts: later ones find it in the process.
     x, out = signal(count, dtype), np.full(count, 1.0, dtype)
     run = estimator("auto", window_length, **SAVGOL)
     one, two = (partial(run, x, out=out, threads=threads) for threads in (1, 2))
