@@ -29,5 +29,6 @@ test: ## the README's test command: install, then test
 
 check: dev lint test-rust test ## all that continuous integration does
 
-bench: ## speed against SciPy and NumPy, with the results checked first
+bench: ## speed against the targets and the peers, and the choice of the engine; results are checked first
 	$(PYTHON) benches/peers.py
+	$(PYTHON) benches/engines.py --strict

@@ -58,9 +58,7 @@ impl Bank {
     /// Cuts between windows that start at multiples of this change no bit of the outputs.
     #[must_use]
     pub fn grid<T: Sample>(&self) -> usize {
-        match self.engine::<T>() {
-            Engine::Direct => 1,
-        }
+        self.at_tau::<T>().map_or(1, Runner::grid)
     }
 
     /// The prepared engine of the estimates at `tau`.

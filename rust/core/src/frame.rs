@@ -71,7 +71,7 @@ impl<T: Sample> Frame<'_, T> {
 
     /// How many outputs from `output` on make a piece that ends on the grid.
     pub fn piece(&self, output: usize, at_most: usize) -> usize {
-        let grid = grid(self.runner);
+        let grid = self.runner.grid();
         let length = at_most.next_multiple_of(grid).max(1);
         length - self.window(output).rem_euclid(grid.cast_signed()).cast_unsigned()
     }
@@ -149,9 +149,4 @@ impl<T: Sample> Frame<'_, T> {
     pub fn constant(&self) -> T {
         T::from_f64(if let Mode::Constant(value) = self.mode { value } else { 0.0 })
     }
-}
-
-/// Cuts between windows that start at multiples of this change no bit of the results.
-fn grid<T: Sample>(_runner: &Runner<T>) -> usize {
-    1
 }

@@ -95,7 +95,7 @@ impl<'a, T: Sample> Worker<'a, T> {
         between: &mut impl FnMut(),
     ) -> Result<(), Error> {
         let frame = self.frame;
-        let slice = (SLICE / frame.runner.work().max(1)).max(64);
+        let slice = (SLICE / frame.runner.work().max(1)).max(64).max(frame.runner.stretch());
         let mut done = 0;
         while done < outputs.len() {
             let output = outputs.start + done;

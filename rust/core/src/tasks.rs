@@ -12,7 +12,7 @@ const TASK: usize = 1 << 20;
 /// What moving a sample from and to memory costs, in multiplications.
 const MOVE: usize = 24;
 
-/// Outputs of one row that are worked on at a time, at most.
+/// Outputs of one row that are worked on at a time, unless the engine needs more to get going.
 const PIECE: usize = 1 << 13;
 
 /// A part of the output.
@@ -76,7 +76,7 @@ impl<'f, 'o, T: Sample> Tasks<'f, 'o, T> {
             outer: 0,
             outputs: start..start,
             rows: 0,
-            piece: PIECE,
+            piece: PIECE.max(frame.runner.stretch()),
             width: 0,
         };
         match frame.gather {

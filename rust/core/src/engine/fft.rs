@@ -98,6 +98,11 @@ impl<T: Sample> Fft<T> {
         self.span
     }
 
+    /// A transform takes about as long as 16 taps, forth and back once more for every order.
+    pub(super) fn work(&self) -> usize {
+        40 * (1 + self.orders.len())
+    }
+
     /// Outputs of a block.
     pub(super) fn grid(&self) -> usize {
         2 * self.transform.half() + 1 - self.taps.max(1)

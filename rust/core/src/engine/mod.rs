@@ -93,20 +93,30 @@ impl<T: Sample> Runner<T> {
         }
     }
 
-    /// What one output of every order costs, in multiplications, roughly.
+    /// What one output of every order costs, in multiplications of the direct engine, roughly.
     #[must_use]
     pub fn work(&self) -> usize {
         match self {
             Self::Direct(direct) => direct.work(),
+            Self::Moments(moments) => moments.work(),
+            Self::Fft(fft) => fft.work(),
+        }
+    }
+
+    /// Outputs of a row from which on what a call costs at its start does not show.
+    #[must_use]
+    pub fn stretch(&self) -> usize {
+        match self {
+            Self::Direct(_) => 1,
+            Self::Moments(moments) => 16 * moments.span(),
+            Self::Fft(fft) => fft.grid(),
         }
     }
 
     /// Whether [`Runner::apply`] on single rows is faster than [`Runner::apply_lanes`], gathering included.
     #[must_use]
     pub fn prefers_rows(&self) -> bool {
-        match self {
-            Self::Direct(_) => false,
-        }
+        matches!(self, Self::Fft(_))
     }
 
     /// For every order the outputs whose windows start at `x[first]`, `x[first + 1]` and on, as many as each of `outs` holds.

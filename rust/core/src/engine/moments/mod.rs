@@ -47,6 +47,10 @@ impl<T: Sample> Moments<T> {
         self.span
     }
 
+    pub(super) fn work(&self) -> usize {
+        self.tables.shape.cost(self.tables.orders.len()).ceil() as usize
+    }
+
     /// The factor of the error bound.
     #[must_use]
     pub fn error_bound(&self) -> f64 {
