@@ -11,7 +11,7 @@ use crate::plan::Plan;
 #[derive(Debug)]
 pub struct Bank {
     plans: Vec<Arc<Plan>>,
-    engine: Engine,
+    wanted: Option<Engine>,
     at_tau: Runners,
     aligned: Runners,
 }
@@ -33,8 +33,12 @@ impl Bank {
         if !plans.iter().all(same) {
             return Err(Error::argument("tau", first.kernel().tau(), "the same point for all orders"));
         }
-        let engine = engine.unwrap_or(Engine::Direct);
-        Ok(Self { plans, engine, at_tau: Runners::default(), aligned: Runners::default() })
+        let bank = Self { plans, wanted: engine, at_tau: Runners::default(), aligned: Runners::default() };
+        if engine == Some(Engine::Moments) {
+            // The one engine that may refuse: now rather than at the first call.
+            bank.at_tau::<f64>()?;
+        }
+        Ok(bank)
     }
 
     /// The plans, one for every order.
@@ -50,9 +54,8 @@ impl Bank {
     }
 
     /// The engine for this type of samples.
-    #[must_use]
-    pub fn engine<T: Sample>(&self) -> Engine {
-        self.engine
+    pub fn engine<T: Sample>(&self) -> Result<Engine, Error> {
+        self.wanted.map_or_else(|| self.at_tau::<T>().map(Runner::engine), Ok)
     }
 
     /// Cuts between windows that start at multiples of this change no bit of the outputs.
@@ -68,6 +71,10 @@ impl Bank {
 
     /// The prepared engine of the estimates on the sample [`Plan::aligned_position`].
     pub fn aligned<T: Sample>(&self, control: &impl Control) -> Result<&Runner<T>, Error> {
+        let first = self.first();
+        if std::ptr::eq(first.aligned_taps(control)?, first.taps()) {
+            return self.at_tau();
+        }
         self.prepared(&self.aligned, |plan| plan.aligned_taps(control))
     }
 
@@ -81,7 +88,10 @@ impl Bank {
             return Ok(runner);
         }
         let orders: Vec<&Taps> = self.plans.iter().map(|plan| taps(plan)).collect::<Result<_, Error>>()?;
-        let runner = Runner::new(self.engine::<T>(), &orders)?;
+        let runner = match self.wanted {
+            Some(engine) => Runner::new(engine, &orders)?,
+            None => Runner::fastest(&orders)?,
+        };
         Ok(slot.get_or_init(|| runner))
     }
 }

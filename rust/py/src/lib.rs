@@ -364,9 +364,9 @@ impl Bank {
     }
 
     /// The name of the engine, for single or double precision.
-    fn engine(&self, single: bool) -> &'static str {
-        let engine = if single { self.0.engine::<f32>() } else { self.0.engine::<f64>() };
-        ENGINES.iter().find(|(_, known)| *known == engine).map_or("", |(word, _)| word)
+    fn engine(&self, py: Python<'_>, single: bool) -> PyResult<&'static str> {
+        let engine = enter(py, None, |_| if single { self.0.engine::<f32>() } else { self.0.engine::<f64>() })?;
+        Ok(ENGINES.iter().find(|(_, known)| *known == engine).map_or("", |(word, _)| word))
     }
 
     /// Cuts between windows that start at multiples of this change no bit of the outputs.

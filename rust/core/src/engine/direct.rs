@@ -13,7 +13,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{Sample, Scratch, Taps};
+use super::{Sample, Scratch, Taps, rescale};
 use crate::error::{Error, resize, try_vec};
 
 /// Outputs for which differences are formed at a time: with their taps they stay in the nearest caches.
@@ -80,6 +80,9 @@ impl<T: Sample> Direct<T> {
         Ok(())
     }
 }
+
+/// The same for neighbouring rows.
+mod lanes;
 
 struct Apply<'a, 'o, T> {
     direct: &'a Direct<T>,
@@ -161,7 +164,7 @@ fn tiles<T: Sample, S: Simd, const N: usize>(simd: S, taps: &[T], scale: f64, x:
         for (values, sum) in tile.chunks_exact_mut(width).zip(sums) {
             T::registers_mut::<S>(values)[0] = sum;
         }
-        tile.iter_mut().for_each(|value| *value = T::from_f64(value.to_f64() * scale));
+        rescale(tile, scale);
         done += N * width;
     }
     done
@@ -209,15 +212,15 @@ fn one_by_one<T: Sample, const W: usize>(taps: &[T], scale: f64, x: &[T], out: &
                 *sum = *sum + taps[k] * *sample;
             }
         });
-        for (out, sum) in out.iter_mut().zip(sums) {
-            *out = T::from_f64(sum.to_f64() * scale);
-        }
+        out.copy_from_slice(&sums);
+        rescale(out, scale);
         done += W;
     }
     for out in lanes.into_remainder() {
         let mut sum = T::default();
         in_order(taps, W, |k| sum = sum + taps[k] * x[done + k]);
-        *out = T::from_f64(sum.to_f64() * scale);
+        *out = sum;
+        rescale(std::slice::from_mut(out), scale);
         done += 1;
     }
 }

@@ -126,7 +126,7 @@ impl<T: Sample> Fft<T> {
 ///
 /// A sample costs `log2(N)` and a bit for the loops around the transforms, more where the block leaves the caches. Long
 /// windows cost memory, so that their blocks are not much longer.
-fn points(taps: usize) -> usize {
+pub(super) fn points(taps: usize) -> usize {
     let cost = |points: &usize| {
         let octaves = (*points as f64).log2();
         let outputs = (points + 1).saturating_sub(taps.max(1)) as f64;

@@ -4,6 +4,21 @@
 //! one fixed order, so that blocks, streams and threads give the same bits. [`fft`] multiplies spectra of blocks that lie on a
 //! fixed grid of the row: the same bits for every run that is cut on the grid.
 
+/// The numbers of registers that hold the lanes of a place, known when compiled.
+macro_rules! with_registers {
+    ($simd:ident, $t:ty, $s:ty, $call:ident ( $($argument:expr),* )) => {
+        // A place has 64 bytes.
+        match 8 / <$s>::F64_LANES {
+            1 => $call::<$t, $s, 1>($simd, $($argument),*),
+            2 => $call::<$t, $s, 2>($simd, $($argument),*),
+            4 => $call::<$t, $s, 4>($simd, $($argument),*),
+            _ if <$t>::LANES == 8 => $call::<$t, $s, 8>($simd, $($argument),*),
+            _ => $call::<$t, $s, 16>($simd, $($argument),*),
+        }
+    };
+}
+
+pub mod choice;
 pub mod direct;
 pub mod fft;
 pub mod moments;
@@ -60,15 +75,38 @@ impl<T: Sample> Runner<T> {
     pub fn new(engine: Engine, orders: &[&Taps]) -> Result<Self, Error> {
         match engine {
             Engine::Direct => direct::Direct::new(orders).map(Self::Direct),
-            Engine::Moments => match moments::Moments::new(orders)? {
-                Some(moments) => Ok(Self::Moments(moments)),
-                None => Err(Error::argument(
-                    "engine",
-                    "moments",
-                    "'auto', 'direct' or 'fft' for these weights: they are no polynomial of a low degree, or too few",
-                )),
-            },
+            Engine::Moments => moments::Moments::new(orders)?.map(Self::Moments).ok_or_else(|| {
+                let allowed =
+                    "'auto', 'direct' or 'fft' for these weights: they are no polynomial of a low degree, or too few";
+                Error::argument("engine", "moments", allowed)
+            }),
             Engine::Fft => fft::Fft::new(orders).map(Self::Fft),
+        }
+    }
+
+    /// Prepares the engine that is likely to be the fastest.
+    pub fn fastest(orders: &[&Taps]) -> Result<Self, Error> {
+        for engine in choice::ranked(orders, size_of::<T>() == 4) {
+            match engine {
+                // Its error may turn out to be too large.
+                Engine::Moments => {
+                    if let Some(moments) = moments::Moments::new(orders)? {
+                        return Ok(Self::Moments(moments));
+                    }
+                }
+                engine => return Self::new(engine, orders),
+            }
+        }
+        Self::new(Engine::Direct, orders)
+    }
+
+    /// Which engine it is.
+    #[must_use]
+    pub fn engine(&self) -> Engine {
+        match self {
+            Self::Direct(_) => Engine::Direct,
+            Self::Moments(_) => Engine::Moments,
+            Self::Fft(_) => Engine::Fft,
         }
     }
 
@@ -146,13 +184,18 @@ impl<T: Sample> Runner<T> {
         outs: &mut [&mut [T]],
         scratch: &mut Scratch<T>,
     ) -> Result<(), Error> {
-        if let Self::Moments(moments) = self {
-            return moments.apply_lanes(x, origin, outs, scratch);
+        match self {
+            Self::Direct(direct) => direct.apply_lanes(x, outs, scratch),
+            Self::Moments(moments) => moments.apply_lanes(x, origin, outs, scratch),
+            Self::Fft(_) => self.apply_each(x, origin, outs, scratch),
         }
+    }
+
+    /// One lane after the other.
+    fn apply_each(&self, x: &[T], origin: isize, outs: &mut [&mut [T]], scratch: &mut Scratch<T>) -> Result<(), Error> {
         let lanes = T::LANES;
-        let samples = x.len() / lanes;
-        let outputs = (samples + 1).saturating_sub(self.span());
-        let mut row = try_vec(samples, T::default())?;
+        let outputs = (x.len() / lanes + 1).saturating_sub(self.span());
+        let mut row = try_vec(x.len() / lanes, T::default())?;
         let mut results = try_vec(outputs * outs.len(), T::default())?;
         for lane in 0..lanes {
             row.iter_mut().zip(x[lane..].iter().step_by(lanes)).for_each(|(value, sample)| *value = *sample);
@@ -273,12 +316,21 @@ fn stream<T: Sample>(x: &[T], on_differences: bool, start: isize, out: &mut [T])
 /// Sums into outputs: scaled, and with the anchor's samples added.
 #[inline(always)]
 fn bring_home<T: Sample>(sums: &[T], scale: f64, anchored: Option<&[T]>, out: &mut [T]) {
-    match anchored {
-        None => out.iter_mut().zip(sums).for_each(|(out, sum)| *out = T::from_f64(sum.to_f64() * scale)),
-        Some(x) => {
-            let pairs = out.iter_mut().zip(sums).zip(x);
-            pairs.for_each(|((out, sum), sample)| *out = T::from_f64(sum.to_f64() * scale) + *sample);
-        }
+    out.copy_from_slice(sums);
+    rescale(out, scale);
+    if let Some(x) = anchored {
+        out.iter_mut().zip(x).for_each(|(out, sample)| *out = *out + *sample);
+    }
+}
+
+/// Multiplies by a power of two, rounding once.
+#[inline(always)]
+fn rescale<T: Sample>(values: &mut [T], scale: f64) {
+    let own = T::from_f64(scale);
+    if own.to_f64() == scale {
+        values.iter_mut().for_each(|value| *value = *value * own);
+    } else {
+        values.iter_mut().for_each(|value| *value = T::from_f64(value.to_f64() * scale));
     }
 }
 

@@ -10,6 +10,9 @@ pub const MOMENTS: usize = 12;
 /// Outputs that are computed together, whose windows end up to three samples beyond that of the first.
 pub const TILE: usize = 4;
 
+/// Taps, at least: three of the shortest blocks.
+const SHORTEST: usize = 24;
+
 /// Samples that a tile reads beyond the end of its group.
 pub const SPILL: usize = TILE;
 
@@ -48,6 +51,13 @@ impl Shape {
         let groups =
             if grouped { Some((whole + 1).checked_sub(group)? / group).filter(|groups| *groups > 0) } else { None };
         (groups.is_some() == grouped).then_some(Self { taps, block, group, moments, whole, reach, groups })
+    }
+
+    /// The cheapest blocks and groups for these orders; none if their taps are no polynomials of a low degree, or too few.
+    pub fn of(orders: &[&Taps]) -> Result<Option<Self>, Error> {
+        let Some(polynomials) = polynomials(orders)? else { return Ok(None) };
+        let moments = polynomials.iter().map(|(_, polynomial)| polynomial.coefficients.len()).max().unwrap_or(1);
+        Ok(Self::cheapest(polynomials.first().map_or(0, |(smooth, _)| smooth.taps.len()), moments))
     }
 
     /// The cheapest blocks and groups.
@@ -133,23 +143,14 @@ pub struct Tables<T> {
 impl<T: Sample> Tables<T> {
     /// None where the taps are no polynomials, or where their error could not be bounded well.
     pub fn new(orders: &[&Taps]) -> Result<Option<Self>, Error> {
-        let taps = orders.iter().map(|order| order.double.len()).min().unwrap_or(0);
-        if taps < 24 || orders.iter().any(|order| order.double.len() != taps) {
-            return Ok(None);
-        }
-        let smooth: Vec<(Vec<f64>, Option<usize>)> =
-            orders.iter().map(|order| without_jump(order)).collect::<Result<_, _>>()?;
-        let mut polynomials = Vec::new();
-        for (taps, _) in &smooth {
-            let Some(polynomial) = Polynomial::through(taps)? else { return Ok(None) };
-            polynomials.push(polynomial);
-        }
-        let moments = polynomials.iter().map(|polynomial| polynomial.coefficients.len()).max().unwrap_or(1);
-        let Some(shape) = Shape::cheapest(taps, moments) else { return Ok(None) };
+        let Some(polynomials) = polynomials(orders)? else { return Ok(None) };
+        let Some(shape) = Shape::of(orders)? else { return Ok(None) };
+        let moments = shape.moments;
         let legendre = Legendre::new(moments);
         let mut error_bound: f64 = 0.0;
         let mut built = Vec::new();
-        for ((order, (taps, anchor)), polynomial) in orders.iter().zip(&smooth).zip(&polynomials) {
+        for (order, (smooth, polynomial)) in orders.iter().zip(&polynomials) {
+            let Smooth { taps, anchor } = smooth;
             let (far, count) = shape.far();
             let distances = (1..=shape.near()).chain(far..far + count);
             let blocks = legendre.matrices(polynomial, shape.block, distances)?;
@@ -184,15 +185,38 @@ impl<T: Sample> Tables<T> {
     }
 }
 
-/// Taps of a smoother jump by one at their anchor: with the newest sample as the anchor they are a polynomial.
-fn without_jump(order: &Taps) -> Result<(Vec<f64>, Option<usize>), Error> {
-    let mut taps = try_vec(order.double.len(), 0.0)?;
-    taps.copy_from_slice(&order.double);
-    if let Some(anchor) = order.anchor {
-        taps[anchor..].iter_mut().for_each(|tap| *tap -= 1.0 / order.scale);
+/// Taps without a jump, and the anchor that goes with them.
+struct Smooth {
+    taps: Vec<f64>,
+    anchor: Option<usize>,
+}
+
+impl Smooth {
+    /// Taps of a smoother jump by one at their anchor: with the newest sample as the anchor they are a polynomial.
+    fn new(order: &Taps) -> Result<Self, Error> {
+        let mut taps = try_vec(order.double.len(), 0.0)?;
+        taps.copy_from_slice(&order.double);
+        if let Some(anchor) = order.anchor {
+            taps[anchor..].iter_mut().for_each(|tap| *tap -= 1.0 / order.scale);
+        }
+        let newest = taps.len();
+        Ok(Self { taps, anchor: order.anchor.map(|_| newest) })
     }
-    let newest = taps.len();
-    Ok((taps, order.anchor.map(|_| newest)))
+}
+
+/// The taps of every order with the polynomials that they are; none if one of them is not.
+fn polynomials(orders: &[&Taps]) -> Result<Option<Vec<(Smooth, Polynomial)>>, Error> {
+    let taps = orders.iter().map(|order| order.double.len()).min().unwrap_or(0);
+    if taps < SHORTEST || orders.iter().any(|order| order.double.len() != taps) {
+        return Ok(None);
+    }
+    let mut found = Vec::new();
+    for order in orders {
+        let smooth = Smooth::new(order)?;
+        let Some(polynomial) = Polynomial::through(&smooth.taps)? else { return Ok(None) };
+        found.push((smooth, polynomial));
+    }
+    Ok(Some(found))
 }
 
 fn narrow<T: Sample>(values: &[f64]) -> Result<Vec<T>, Error> {

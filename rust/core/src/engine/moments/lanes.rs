@@ -65,20 +65,6 @@ fn width<T: Sample>(tables: &Tables<T>, lanes: usize) -> usize {
     (STEPS + 1) * lanes + tables.shape.halo()
 }
 
-/// The numbers of registers that hold the lanes of a place, known when compiled.
-macro_rules! with_registers {
-    ($simd:ident, $t:ty, $s:ty, $call:ident ( $($argument:expr),* )) => {
-        // A place has 64 bytes.
-        match 8 / <$s>::F64_LANES {
-            1 => $call::<$t, $s, 1>($simd, $($argument),*),
-            2 => $call::<$t, $s, 2>($simd, $($argument),*),
-            4 => $call::<$t, $s, 4>($simd, $($argument),*),
-            _ if <$t>::LANES == 8 => $call::<$t, $s, 8>($simd, $($argument),*),
-            _ => $call::<$t, $s, 16>($simd, $($argument),*),
-        }
-    };
-}
-
 /// Groups of a row into lanes.
 struct Gather<'a, T> {
     x: &'a [T],
