@@ -14,14 +14,16 @@ use super::design::{Order, SPILL, Tables};
 use super::kernel::{self, Group, Table};
 use crate::error::{Error, resize};
 
-/// Groups of a row whose moments are formed before those of the groups behind are dropped, in lanes.
+/// Groups of a row that are worked on between two runs through memory, in lanes.
 const STEPS: usize = 8;
 
 /// A thread's own memory.
 #[derive(Debug, Default)]
 pub struct Room<T> {
-    /// Samples as they follow in the row, and results likewise.
+    /// Samples as they follow in the row, from where windows start and from where they end, and results likewise.
     stream: Vec<T>,
+    ahead: Vec<T>,
+    lines: Vec<T>,
     near: Vec<T>,
     far: Vec<T>,
     results: Vec<T>,
@@ -37,10 +39,13 @@ fn fit<T: Sample>(buffer: &mut Vec<T>, length: usize) -> Result<(), Error> {
 }
 
 impl<T: Sample> Room<T> {
+    /// Room for groups of one row.
     pub fn prepare_row(&mut self, tables: &Tables<T>) -> Result<(), Error> {
         let (shape, lanes) = (tables.shape, T::LANES);
         let (length, width) = (shape.group_length(), width(tables, lanes));
-        fit(&mut self.stream, length * lanes + shape.block + SPILL)?;
+        fit(&mut self.stream, STEPS * length * lanes)?;
+        fit(&mut self.ahead, STEPS * length * lanes + shape.block + SPILL)?;
+        fit(&mut self.lines, tables.orders.len() * STEPS * length * lanes)?;
         fit(&mut self.near, length * lanes)?;
         fit(&mut self.far, (length + shape.block + SPILL) * lanes)?;
         fit(&mut self.results, length * lanes)?;
@@ -49,6 +54,7 @@ impl<T: Sample> Room<T> {
         fit(&mut self.groups, if shape.groups.is_some() { shape.moments * width } else { 0 })
     }
 
+    /// Room for neighbouring rows of `groups` groups with outputs.
     pub fn prepare_columns(&mut self, tables: &Tables<T>, groups: usize) -> Result<(), Error> {
         let (shape, lanes) = (tables.shape, T::LANES);
         let all = groups + shape.halo();
@@ -62,19 +68,32 @@ impl<T: Sample> Room<T> {
 
 /// Columns of the tables of moments of a row.
 fn width<T: Sample>(tables: &Tables<T>, lanes: usize) -> usize {
-    (STEPS + 1) * lanes + tables.shape.halo()
+    STEPS * lanes + tables.shape.halo()
 }
 
-/// Groups of a row into lanes.
-struct Gather<'a, T> {
+/// The stream of a row, as far as it is at hand.
+struct Stage<'a, T> {
     x: &'a [T],
     on_differences: bool,
-    /// Where in x the first lane starts.
+    /// Where in x it starts.
     start: isize,
-    /// Samples from one lane to the next, and of each.
+    stream: &'a mut [T],
+}
+
+impl<T: Sample> WithSimd for Stage<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _simd: S) {
+        stream(self.x, self.on_differences, self.start, self.stream);
+    }
+}
+
+/// Groups of a row into lanes: `length` samples of each, `step` after those of the one before.
+struct Gather<'a, T> {
+    stream: &'a [T],
     step: usize,
     length: usize,
-    line: &'a mut [T],
     lanes: &'a mut [T],
 }
 
@@ -83,14 +102,11 @@ impl<T: Sample> WithSimd for Gather<'_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { x, on_differences, start, step, length, line, lanes } = self;
-        let line = &mut line[..(T::LANES - 1) * step + length];
-        stream(x, on_differences, start, line);
-        to_lanes(simd, line, step, length, lanes);
+        to_lanes(simd, self.stream, self.step, self.length, self.lanes);
     }
 }
 
-/// The moments of `count` blocks, each in its own place of a table.
+/// The moments of a block.
 struct Form<'a, T: Sample> {
     tables: &'a Tables<T>,
     samples: &'a [T],
@@ -148,12 +164,25 @@ impl<T: Sample> WithSimd for Evaluate<'_, T> {
     }
 }
 
-/// Sums into outputs, back from lanes if they were groups of a row.
+/// Results out of lanes, one group of a row after the other.
+struct Scatter<'a, T> {
+    lanes: &'a [T],
+    length: usize,
+    line: &'a mut [T],
+}
+
+impl<T: Sample> WithSimd for Scatter<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        from_lanes(simd, self.lanes, self.length, self.line);
+    }
+}
+
+/// Sums into outputs.
 struct Deliver<'a, T> {
-    /// The line to put them in, and the length of each lane.
-    line: Option<(&'a mut [T], usize)>,
     sums: &'a [T],
-    from: usize,
     scale: f64,
     anchored: Option<&'a [T]>,
     out: &'a mut [T],
@@ -163,15 +192,8 @@ impl<T: Sample> WithSimd for Deliver<'_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        let Self { line, sums, from, scale, anchored, out } = self;
-        match line {
-            None => bring_home(&sums[from..from + out.len()], scale, anchored, out),
-            Some((line, length)) => {
-                from_lanes(simd, sums, length, line);
-                bring_home(&line[from..from + out.len()], scale, anchored, out);
-            }
-        }
+    fn with_simd<S: Simd>(self, _simd: S) {
+        bring_home(self.sums, self.scale, self.anchored, self.out);
     }
 }
 
@@ -188,11 +210,11 @@ pub struct Row<'a, 'o, T: Sample> {
 impl<T: Sample> Row<'_, '_, T> {
     pub fn run(self) {
         let Self { moments: Moments { tables, on_differences, .. }, x, first, origin, outs, room } = self;
-        let Room { stream: line, near, far, results, coefficients, blocks, groups } = room;
+        let Room { stream, ahead, near, far, results, lines, coefficients, blocks, groups } = room;
         let (arch, lanes, on_differences) = (Arch::new(), T::LANES, *on_differences);
         let (shape, width) = (tables.shape, width(tables, lanes));
         let length = shape.group_length();
-        let block_length = shape.block * lanes;
+        let (step, block_length) = (length * lanes, shape.block * lanes);
         let outputs = outs.first().map_or(0, |out| out.len());
         // The group that holds the start of the first window starts `lead` before it.
         let lead = (origin + first.cast_signed()).rem_euclid(length.cast_signed()).cast_unsigned();
@@ -200,59 +222,66 @@ impl<T: Sample> Row<'_, '_, T> {
         let offset = (shape.whole + 1) * shape.block;
         // Moments of the whole blocks of the first windows.
         for column in (0..offset.div_ceil(length)).step_by(lanes) {
-            let start = place + (column * length).cast_signed();
-            arch.dispatch(Gather { x, on_differences, start, step: length, length, line, lanes: near });
+            let (start, stream) = (place + (column * length).cast_signed(), &mut stream[..step]);
+            arch.dispatch(Stage { x, on_differences, start, stream });
+            arch.dispatch(Gather { stream, step: length, length, lanes: near });
             for (block, samples) in near.chunks_exact(block_length).enumerate() {
                 let moments = &mut blocks[block * shape.moments * width + column..];
                 arch.dispatch(Form { tables, samples, moments, step: width });
             }
         }
-        let mut column = 0;
         // Groups whose moments follow from those of their blocks.
         let mut formed = 0;
-        for start in (0..outputs + lead).step_by(length * lanes) {
+        for start in (0..outputs + lead).step_by(STEPS * step) {
+            // Long runs through memory, and between them work in the caches.
+            let steps = (outputs + lead - start).div_ceil(step).min(STEPS);
             let here = place + start.cast_signed();
-            arch.dispatch(Gather { x, on_differences, start: here, step: length, length, line, lanes: near });
-            let (ahead, rows) = (here + offset.cast_signed(), length + shape.block + SPILL);
-            arch.dispatch(Gather { x, on_differences, start: ahead, step: length, length: rows, line, lanes: far });
-            for (block, samples) in far.chunks_exact(block_length).take(shape.group).enumerate() {
-                let at = shape.whole + 1 + block;
-                let moments = &mut blocks[at % shape.group * shape.moments * width + column + at / shape.group..];
-                arch.dispatch(Form { tables, samples, moments, step: width });
-            }
-            if shape.groups.is_some() {
-                let complete = column + lanes + (shape.whole + 1) / shape.group;
-                while formed < complete {
-                    let from = formed.min(width - lanes);
-                    arch.dispatch(Lift { tables, moments: &blocks[from..], groups: &mut groups[from..], step: width });
-                    formed = from + lanes;
+            let (stream, ahead) = (&mut stream[..steps * step], &mut ahead[..steps * step + shape.block + SPILL]);
+            arch.dispatch(Stage { x, on_differences, start: here, stream });
+            arch.dispatch(Stage { x, on_differences, start: here + offset.cast_signed(), stream: ahead });
+            for (at, column) in (0..steps * step).step_by(step).zip((0..).step_by(lanes)) {
+                arch.dispatch(Gather { stream: &stream[at..], step: length, length, lanes: near });
+                let further = length + shape.block + SPILL;
+                arch.dispatch(Gather { stream: &ahead[at..], step: length, length: further, lanes: far });
+                for (block, samples) in far.chunks_exact(block_length).take(shape.group).enumerate() {
+                    let at = shape.whole + 1 + block;
+                    let moments = &mut blocks[at % shape.group * shape.moments * width + column + at / shape.group..];
+                    arch.dispatch(Form { tables, samples, moments, step: width });
                 }
-                formed = complete;
+                if shape.groups.is_some() {
+                    let complete = column + lanes + (shape.whole + 1) / shape.group;
+                    while formed < complete {
+                        let from = formed.min(width - lanes);
+                        let (moments, groups) = (&blocks[from..], &mut groups[from..]);
+                        arch.dispatch(Lift { tables, moments, groups, step: width });
+                        formed = from + lanes;
+                    }
+                    formed = complete;
+                }
+                let group = Group {
+                    near,
+                    far,
+                    blocks: Table { values: &blocks[column..], group: 1, moment: width },
+                    groups: Table { values: groups.get(column..).unwrap_or(&[]), group: 1, moment: width },
+                };
+                for (order, line) in tables.orders.iter().zip(lines.chunks_exact_mut(STEPS * step)) {
+                    arch.dispatch(Evaluate { tables, order, group, coefficients, results });
+                    arch.dispatch(Scatter { lanes: results, length, line: &mut line[at..at + step] });
+                }
             }
-            let group = Group {
-                near,
-                far,
-                blocks: Table { values: &blocks[column..], group: 1, moment: width },
-                groups: Table { values: groups.get(column..).unwrap_or(&[]), group: 1, moment: width },
-            };
-            let (from, until) = (start.max(lead), (start + length * lanes).min(lead + outputs));
-            for (order, out) in tables.orders.iter().zip(outs.iter_mut()) {
-                arch.dispatch(Evaluate { tables, order, group, coefficients, results });
+            let (from, until) = (start.max(lead), (start + steps * step).min(lead + outputs));
+            let all = tables.orders.iter().zip(outs.iter_mut()).zip(lines.chunks_exact(STEPS * step));
+            for ((order, out), line) in all {
                 arch.dispatch(Deliver {
-                    line: Some((line, length)),
-                    sums: results,
-                    from: from - start,
+                    sums: &line[from - start..until - start],
                     scale: order.scale,
                     anchored: order.anchor.map(|anchor| &x[first + from - lead + anchor..]),
                     out: &mut out[from - lead..until - lead],
                 });
             }
-            column += lanes;
-            if column + lanes + shape.halo() > width {
-                blocks.chunks_mut(width).chain(groups.chunks_mut(width)).for_each(|row| row.copy_within(column.., 0));
-                formed -= column.min(formed);
-                column = 0;
-            }
+            let done = STEPS * lanes;
+            blocks.chunks_mut(width).chain(groups.chunks_mut(width)).for_each(|row| row.copy_within(done.., 0));
+            formed = formed.saturating_sub(done);
         }
     }
 }
@@ -298,9 +327,7 @@ impl<T: Sample> Columns<'_, '_, T> {
             for (order, out) in tables.orders.iter().zip(outs.iter_mut()) {
                 arch.dispatch(Evaluate { tables, order, group, coefficients, results });
                 arch.dispatch(Deliver {
-                    line: None,
-                    sums: results,
-                    from: (from - start) * lanes,
+                    sums: &results[(from - start) * lanes..(until - start) * lanes],
                     scale: order.scale,
                     anchored: order.anchor.map(|anchor| &x[(from - lead + anchor) * lanes..]),
                     out: &mut out[(from - lead) * lanes..(until - lead) * lanes],
