@@ -93,3 +93,6 @@ impl<T: Sample> Moments<T> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;
