@@ -13,7 +13,8 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{Sample, Scratch, Taps, rescale};
+use super::stream::rescale;
+use super::{Sample, Scratch, Taps};
 use crate::error::{Error, resize, try_vec};
 
 /// Outputs for which differences are formed at a time: with their taps they stay in the nearest caches.

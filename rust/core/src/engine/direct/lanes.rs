@@ -7,7 +7,8 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::super::{Sample, Scratch, rescale};
+use super::super::stream::rescale;
+use super::super::{Sample, Scratch};
 use super::{Direct, Order, STRIDE_BYTES, in_order};
 use crate::error::{Error, at_least};
 

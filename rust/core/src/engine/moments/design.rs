@@ -1,26 +1,14 @@
 //! What is decided before the first sample: the degree, the blocks, and the tables.
 
 use super::super::{Sample, Taps};
+use super::polynomial::{Legendre, Polynomial, Smooth, polynomials};
 use crate::error::{Error, try_vec};
-use crate::jacobi::{Jacobi, Recurrence};
-
-/// Moments of a block, at most: beyond, the basis costs more than the products that it saves.
-pub const MOMENTS: usize = 12;
 
 /// Outputs that are computed together, whose windows end up to three samples beyond that of the first.
 pub const TILE: usize = 4;
 
-/// Taps, at least: three of the shortest blocks.
-const SHORTEST: usize = 24;
-
 /// Samples that a tile reads beyond the end of its group.
 pub const SPILL: usize = TILE;
-
-/// Taps may differ from a polynomial by this much of the largest: the rounding of the weights themselves, which grows with
-/// the window where they are sums.
-fn allowed_residual(taps: usize) -> f64 {
-    1e-14 + 8.0 * f64::EPSILON * (taps as f64).sqrt()
-}
 
 /// The largest error bound, in units of eps, with which the engine is still offered.
 const ALLOWED_BOUND: f64 = 1e5;
@@ -55,9 +43,12 @@ impl Shape {
 
     /// The cheapest blocks and groups for these orders; none if their taps are no polynomials of a low degree, or too few.
     pub fn of(orders: &[&Taps]) -> Result<Option<Self>, Error> {
-        let Some(polynomials) = polynomials(orders)? else { return Ok(None) };
-        let moments = polynomials.iter().map(|(_, polynomial)| polynomial.coefficients.len()).max().unwrap_or(1);
-        Ok(Self::cheapest(polynomials.first().map_or(0, |(smooth, _)| smooth.taps.len()), moments))
+        Ok(polynomials(orders)?.and_then(|polynomials| Self::for_polynomials(&polynomials)))
+    }
+
+    fn for_polynomials(polynomials: &[(Smooth, Polynomial)]) -> Option<Self> {
+        let moments = polynomials.iter().map(|(_, polynomial)| polynomial.coefficients.len()).max()?;
+        Self::cheapest(polynomials.first()?.0.taps.len(), moments)
     }
 
     /// The cheapest blocks and groups.
@@ -97,16 +88,19 @@ impl Shape {
     }
 
     /// Groups that the windows of one group reach beyond it.
+    #[must_use]
     pub fn halo(&self) -> usize {
         (self.group + self.whole + 1) / self.group
     }
 
     /// How many blocks on every `C_l` is needed for, from block 1: near ones, and those around the far end.
+    #[must_use]
     pub fn near(&self) -> usize {
         if self.groups.is_some() { self.group - 1 } else { self.whole + 1 }
     }
 
     /// The first of the far blocks, and how many.
+    #[must_use]
     pub fn far(&self) -> (usize, usize) {
         if self.groups.is_some() { (self.whole + 2 - self.group, self.group) } else { (self.whole + 2, 0) }
     }
@@ -144,7 +138,7 @@ impl<T: Sample> Tables<T> {
     /// None where the taps are no polynomials, or where their error could not be bounded well.
     pub fn new(orders: &[&Taps]) -> Result<Option<Self>, Error> {
         let Some(polynomials) = polynomials(orders)? else { return Ok(None) };
-        let Some(shape) = Shape::of(orders)? else { return Ok(None) };
+        let Some(shape) = Shape::for_polynomials(&polynomials) else { return Ok(None) };
         let moments = shape.moments;
         let legendre = Legendre::new(moments);
         let mut error_bound: f64 = 0.0;
@@ -185,40 +179,6 @@ impl<T: Sample> Tables<T> {
     }
 }
 
-/// Taps without a jump, and the anchor that goes with them.
-struct Smooth {
-    taps: Vec<f64>,
-    anchor: Option<usize>,
-}
-
-impl Smooth {
-    /// Taps of a smoother jump by one at their anchor: with the newest sample as the anchor they are a polynomial.
-    fn new(order: &Taps) -> Result<Self, Error> {
-        let mut taps = try_vec(order.double.len(), 0.0)?;
-        taps.copy_from_slice(&order.double);
-        if let Some(anchor) = order.anchor {
-            taps[anchor..].iter_mut().for_each(|tap| *tap -= 1.0 / order.scale);
-        }
-        let newest = taps.len();
-        Ok(Self { taps, anchor: order.anchor.map(|_| newest) })
-    }
-}
-
-/// The taps of every order with the polynomials that they are; none if one of them is not.
-fn polynomials(orders: &[&Taps]) -> Result<Option<Vec<(Smooth, Polynomial)>>, Error> {
-    let taps = orders.iter().map(|order| order.double.len()).min().unwrap_or(0);
-    if taps < SHORTEST || orders.iter().any(|order| order.double.len() != taps) {
-        return Ok(None);
-    }
-    let mut found = Vec::new();
-    for order in orders {
-        let smooth = Smooth::new(order)?;
-        let Some(polynomial) = Polynomial::through(&smooth.taps)? else { return Ok(None) };
-        found.push((smooth, polynomial));
-    }
-    Ok(Some(found))
-}
-
 fn narrow<T: Sample>(values: &[f64]) -> Result<Vec<T>, Error> {
     let mut narrow = try_vec(values.len(), T::default())?;
     narrow.iter_mut().zip(values).for_each(|(narrow, value)| *narrow = T::from_f64(*value));
@@ -242,126 +202,4 @@ fn bound(shape: &Shape, taps: &[f64], residual: f64, blocks: &[f64], groups: &[f
         block + group + 4.0 * moments + shape.near() as f64 * moments + shape.groups.unwrap_or(0) as f64 * moments;
     let missed = residual * shape.taps as f64 / f64::EPSILON;
     3.0 * block + (missed + terms * (size(blocks, block) + size(groups, block * group))) / sum
-}
-
-/// The taps as a polynomial in their index, by the polynomials that are orthogonal on the indices.
-struct Polynomial {
-    coefficients: Vec<f64>,
-    middle: f64,
-    count: f64,
-    residual: f64,
-}
-
-impl Polynomial {
-    /// The polynomial of the lowest degree through all taps but the first and the last, if there is one.
-    fn through(taps: &[f64]) -> Result<Option<Self>, Error> {
-        let inner = &taps[1..taps.len() - 1];
-        let (middle, count) = (0.5 * (taps.len() - 1) as f64, inner.len() as f64);
-        let mut found = Self { coefficients: Vec::new(), middle, count, residual: f64::INFINITY };
-        let mut rest = try_vec(inner.len(), 0.0)?;
-        rest.copy_from_slice(inner);
-        let mut older = try_vec(inner.len(), 0.0)?;
-        let mut newer = try_vec(inner.len(), 1.0)?;
-        let allowed = allowed_residual(taps.len()) * inner.iter().fold(0.0, |peak: f64, tap| peak.max(tap.abs()));
-        for degree in 0..MOMENTS.min(inner.len() / 2) {
-            let norm: f64 = newer.iter().map(|p| p * p).sum();
-            let coefficient = rest.iter().zip(&newer).map(|(r, p)| r * p).sum::<f64>() / norm;
-            rest.iter_mut().zip(&newer).for_each(|(r, p)| *r -= coefficient * p);
-            found.coefficients.push(coefficient);
-            found.residual = rest.iter().fold(0.0, |peak: f64, r| peak.max(r.abs()));
-            if found.residual <= allowed {
-                return Ok(Some(found));
-            }
-            let factor = found.factor(degree);
-            for (k, (older, newer)) in older.iter_mut().zip(&mut newer).enumerate() {
-                let next = found.place(k as f64 + 1.0) * *newer - factor * *older;
-                *older = std::mem::replace(newer, next);
-            }
-        }
-        Ok(None)
-    }
-
-    fn place(&self, index: f64) -> f64 {
-        2.0 * (index - self.middle) / self.count
-    }
-
-    /// The recurrence's factor of the polynomial before: `p_(d+1) = u p_d - factor p_(d-1)`.
-    fn factor(&self, degree: usize) -> f64 {
-        let square = (degree * degree) as f64;
-        square * (1.0 - square / (self.count * self.count)) / (4.0 * square - 1.0)
-    }
-
-    fn at(&self, index: f64) -> f64 {
-        let place = self.place(index);
-        let (mut older, mut newer, mut sum) = (0.0, 1.0, 0.0);
-        for (degree, coefficient) in self.coefficients.iter().enumerate() {
-            sum += coefficient * newer;
-            let next = place * newer - self.factor(degree) * older;
-            older = std::mem::replace(&mut newer, next);
-        }
-        sum
-    }
-}
-
-/// Legendre polynomials on [0, 1] of norm 1, and the Gauss rule that projects on them.
-struct Legendre {
-    recurrence: Recurrence,
-    /// Nodes, and at each the polynomials times the node's weight.
-    nodes: Vec<(f64, Vec<f64>)>,
-    moments: usize,
-}
-
-impl Legendre {
-    fn new(moments: usize) -> Self {
-        let family = Jacobi { alpha: 0.0, beta: 0.0 };
-        let recurrence = family.recurrence(moments - 1);
-        let node = |(tau, weight): (f64, f64)| (tau, recurrence.values(tau).iter().map(|p| weight * p).collect());
-        let nodes = family.gauss(moments).into_iter().map(node).collect();
-        Self { recurrence, nodes, moments }
-    }
-
-    fn at(&self, tau: f64) -> Vec<f64> {
-        self.recurrence.values(tau)
-    }
-
-    /// For every distance l the matrix of `W(l length + length (tau - tau'))` in the polynomials of tau (rows: the samples)
-    /// and tau' (columns: the outputs).
-    fn matrices(
-        &self,
-        polynomial: &Polynomial,
-        length: usize,
-        distances: impl Iterator<Item = usize>,
-    ) -> Result<Vec<f64>, Error> {
-        let mut matrices = Vec::new();
-        let square = self.moments * self.moments;
-        for distance in distances {
-            matrices.try_reserve(square).map_err(|_| Error::Memory { bytes: square * size_of::<f64>() })?;
-            let start = matrices.len();
-            matrices.resize(start + square, 0.0);
-            let matrix = &mut matrices[start..];
-            for (sample, rows) in &self.nodes {
-                let mut half = vec![0.0; self.moments];
-                for (output, columns) in &self.nodes {
-                    let value = polynomial.at(length as f64 * (distance as f64 + sample - output));
-                    half.iter_mut().zip(columns).for_each(|(half, column)| *half += value * column);
-                }
-                for (row, weight) in matrix.chunks_mut(self.moments).zip(rows) {
-                    row.iter_mut().zip(&half).for_each(|(entry, half)| *entry += weight * half);
-                }
-            }
-        }
-        Ok(matrices)
-    }
-
-    /// The polynomials of a group on its block `block`: entry (d', d) is the part of `p_d'` of the block in `p_d` of the group.
-    fn lift(&self, block: usize, group: usize) -> Vec<f64> {
-        let mut matrix = vec![0.0; self.moments * self.moments];
-        for (tau, parts) in &self.nodes {
-            let whole = self.at((block as f64 + tau) / group as f64);
-            for (row, part) in matrix.chunks_mut(self.moments).zip(parts) {
-                row.iter_mut().zip(&whole).for_each(|(entry, value)| *entry += part * value);
-            }
-        }
-        matrix
-    }
 }

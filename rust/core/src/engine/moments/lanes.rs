@@ -7,8 +7,9 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
+use super::super::Sample;
+use super::super::stream::{bring_home, stream};
 use super::super::transpose::{from_lanes, to_lanes};
-use super::super::{Sample, bring_home, stream};
 use super::Moments;
 use super::design::{Order, SPILL, Tables};
 use super::kernel::{self, Group, Table};

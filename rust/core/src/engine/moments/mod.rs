@@ -17,6 +17,7 @@
 mod design;
 mod kernel;
 mod lanes;
+mod polynomial;
 
 use super::{Sample, Scratch, Taps};
 use crate::error::Error;

@@ -1,0 +1,173 @@
+//! Taps as polynomials, and polynomials in the bases of blocks.
+
+use super::super::Taps;
+use crate::error::{Error, try_vec};
+use crate::jacobi::{Jacobi, Recurrence};
+
+/// Moments of a block, at most: beyond, the basis costs more than the products that it saves.
+pub const MOMENTS: usize = 12;
+
+/// Taps, at least: three of the shortest blocks.
+const SHORTEST: usize = 24;
+
+/// Taps may differ from a polynomial by this much of the largest: the rounding of the weights themselves, which grows with
+/// the window where they are sums.
+fn allowed_residual(taps: usize) -> f64 {
+    1e-14 + 8.0 * f64::EPSILON * (taps as f64).sqrt()
+}
+
+/// Taps without a jump, and the anchor that goes with them.
+pub struct Smooth {
+    pub taps: Vec<f64>,
+    pub anchor: Option<usize>,
+}
+
+impl Smooth {
+    /// Taps of a smoother jump by one at their anchor: with the newest sample as the anchor they are a polynomial.
+    fn new(order: &Taps) -> Result<Self, Error> {
+        let mut taps = try_vec(order.double.len(), 0.0)?;
+        taps.copy_from_slice(&order.double);
+        if let Some(anchor) = order.anchor {
+            taps[anchor..].iter_mut().for_each(|tap| *tap -= 1.0 / order.scale);
+        }
+        let newest = taps.len();
+        Ok(Self { taps, anchor: order.anchor.map(|_| newest) })
+    }
+}
+
+/// The taps of every order with the polynomials that they are; none if one of them is not.
+pub fn polynomials(orders: &[&Taps]) -> Result<Option<Vec<(Smooth, Polynomial)>>, Error> {
+    let taps = orders.iter().map(|order| order.double.len()).min().unwrap_or(0);
+    if taps < SHORTEST || orders.iter().any(|order| order.double.len() != taps) {
+        return Ok(None);
+    }
+    let mut found = Vec::new();
+    for order in orders {
+        let smooth = Smooth::new(order)?;
+        let Some(polynomial) = Polynomial::through(&smooth.taps)? else { return Ok(None) };
+        found.push((smooth, polynomial));
+    }
+    Ok(Some(found))
+}
+
+/// The taps as a polynomial in their index, by the polynomials that are orthogonal on the indices.
+pub struct Polynomial {
+    pub coefficients: Vec<f64>,
+    middle: f64,
+    count: f64,
+    pub residual: f64,
+}
+
+impl Polynomial {
+    /// The polynomial of the lowest degree through all taps but the first and the last, if there is one.
+    fn through(taps: &[f64]) -> Result<Option<Self>, Error> {
+        let inner = &taps[1..taps.len() - 1];
+        let (middle, count) = (0.5 * (taps.len() - 1) as f64, inner.len() as f64);
+        let mut found = Self { coefficients: Vec::new(), middle, count, residual: f64::INFINITY };
+        let mut rest = try_vec(inner.len(), 0.0)?;
+        rest.copy_from_slice(inner);
+        let mut older = try_vec(inner.len(), 0.0)?;
+        let mut newer = try_vec(inner.len(), 1.0)?;
+        let allowed = allowed_residual(taps.len()) * inner.iter().fold(0.0, |peak: f64, tap| peak.max(tap.abs()));
+        for degree in 0..MOMENTS.min(inner.len() / 2) {
+            let norm: f64 = newer.iter().map(|p| p * p).sum();
+            let coefficient = rest.iter().zip(&newer).map(|(r, p)| r * p).sum::<f64>() / norm;
+            rest.iter_mut().zip(&newer).for_each(|(r, p)| *r -= coefficient * p);
+            found.coefficients.push(coefficient);
+            found.residual = rest.iter().fold(0.0, |peak: f64, r| peak.max(r.abs()));
+            if found.residual <= allowed {
+                return Ok(Some(found));
+            }
+            let factor = found.factor(degree);
+            for (k, (older, newer)) in older.iter_mut().zip(&mut newer).enumerate() {
+                let next = found.place(k as f64 + 1.0) * *newer - factor * *older;
+                *older = std::mem::replace(newer, next);
+            }
+        }
+        Ok(None)
+    }
+
+    fn place(&self, index: f64) -> f64 {
+        2.0 * (index - self.middle) / self.count
+    }
+
+    /// The recurrence's factor of the polynomial before: `p_(d+1) = u p_d - factor p_(d-1)`.
+    fn factor(&self, degree: usize) -> f64 {
+        let square = (degree * degree) as f64;
+        square * (1.0 - square / (self.count * self.count)) / (4.0 * square - 1.0)
+    }
+
+    fn at(&self, index: f64) -> f64 {
+        let place = self.place(index);
+        let (mut older, mut newer, mut sum) = (0.0, 1.0, 0.0);
+        for (degree, coefficient) in self.coefficients.iter().enumerate() {
+            sum += coefficient * newer;
+            let next = place * newer - self.factor(degree) * older;
+            older = std::mem::replace(&mut newer, next);
+        }
+        sum
+    }
+}
+
+/// Legendre polynomials on [0, 1] of norm 1, and the Gauss rule that projects on them.
+pub struct Legendre {
+    recurrence: Recurrence,
+    /// Nodes, and at each the polynomials times the node's weight.
+    nodes: Vec<(f64, Vec<f64>)>,
+    moments: usize,
+}
+
+impl Legendre {
+    pub fn new(moments: usize) -> Self {
+        let family = Jacobi { alpha: 0.0, beta: 0.0 };
+        let recurrence = family.recurrence(moments - 1);
+        let node = |(tau, weight): (f64, f64)| (tau, recurrence.values(tau).iter().map(|p| weight * p).collect());
+        let nodes = family.gauss(moments).into_iter().map(node).collect();
+        Self { recurrence, nodes, moments }
+    }
+
+    pub fn at(&self, tau: f64) -> Vec<f64> {
+        self.recurrence.values(tau)
+    }
+
+    /// For every distance l the matrix of `W(l length + length (tau - tau'))` in the polynomials of tau (rows: the samples)
+    /// and tau' (columns: the outputs).
+    pub fn matrices(
+        &self,
+        polynomial: &Polynomial,
+        length: usize,
+        distances: impl Iterator<Item = usize>,
+    ) -> Result<Vec<f64>, Error> {
+        let mut matrices = Vec::new();
+        let square = self.moments * self.moments;
+        for distance in distances {
+            matrices.try_reserve(square).map_err(|_| Error::Memory { bytes: square * size_of::<f64>() })?;
+            let start = matrices.len();
+            matrices.resize(start + square, 0.0);
+            let matrix = &mut matrices[start..];
+            for (sample, rows) in &self.nodes {
+                let mut half = vec![0.0; self.moments];
+                for (output, columns) in &self.nodes {
+                    let value = polynomial.at(length as f64 * (distance as f64 + sample - output));
+                    half.iter_mut().zip(columns).for_each(|(half, column)| *half += value * column);
+                }
+                for (row, weight) in matrix.chunks_mut(self.moments).zip(rows) {
+                    row.iter_mut().zip(&half).for_each(|(entry, half)| *entry += weight * half);
+                }
+            }
+        }
+        Ok(matrices)
+    }
+
+    /// The polynomials of a group on its block `block`: entry (d', d) is the part of `p_d'` of the block in `p_d` of the group.
+    pub fn lift(&self, block: usize, group: usize) -> Vec<f64> {
+        let mut matrix = vec![0.0; self.moments * self.moments];
+        for (tau, parts) in &self.nodes {
+            let whole = self.at((block as f64 + tau) / group as f64);
+            for (row, part) in matrix.chunks_mut(self.moments).zip(parts) {
+                row.iter_mut().zip(&whole).for_each(|(entry, value)| *entry += part * value);
+            }
+        }
+        matrix
+    }
+}

@@ -1,0 +1,154 @@
+//! The element types that engines run in, and what the registers of the CPU do with them.
+
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
+)]
+
+use std::fmt;
+use std::ops::{Add, Mul, Sub};
+use std::sync::OnceLock;
+
+use pulp::Simd;
+
+use super::negacyclic::Transforms;
+use super::{Runner, Taps, transpose};
+use crate::bank::Runners;
+
+/// The element types that engines run in.
+pub trait Sample:
+    Copy + Default + Send + Sync + fmt::Debug + PartialOrd + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self>
+{
+    /// Rows that run side by side: as many as fit into 64 bytes.
+    const LANES: usize = 64 / size_of::<Self>();
+    /// Where the runners of this type are kept.
+    fn runner(runners: &Runners) -> &OnceLock<Runner<Self>>;
+    /// The taps in this type.
+    fn taps(taps: &Taps) -> &[Self];
+    /// A register of the CPU.
+    type Register<S: Simd>: Copy + fmt::Debug;
+    /// The same value in every lane.
+    fn splat<S: Simd>(simd: S, value: Self) -> Self::Register<S>;
+    /// `a + b` in every lane.
+    fn plus<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
+    /// `a b` in every lane.
+    fn times<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
+    /// `a b + c`, rounded once where the CPU can do so.
+    fn fused<S: Simd>(simd: S, a: Self::Register<S>, b: Self::Register<S>, c: Self::Register<S>) -> Self::Register<S>;
+    /// The whole registers of a slice.
+    fn registers<S: Simd>(values: &[Self]) -> &[Self::Register<S>];
+    /// The whole registers of a slice.
+    fn registers_mut<S: Simd>(values: &mut [Self]) -> &mut [Self::Register<S>];
+    /// Four rows of four as four columns.
+    fn turn<S: Simd>(simd: S, tile: [[Self; 4]; 4]) -> [[Self; 4]; 4];
+    /// The complex transforms of so many points.
+    fn transforms(points: usize) -> Transforms<Self>;
+    /// The nearest value of this type.
+    fn from_f64(value: f64) -> Self;
+    /// The same value as f64.
+    fn to_f64(self) -> f64;
+}
+
+impl Sample for f64 {
+    fn runner(runners: &Runners) -> &OnceLock<Runner<Self>> {
+        &runners.double
+    }
+    fn taps(taps: &Taps) -> &[Self] {
+        &taps.double
+    }
+    type Register<S: Simd> = S::f64s;
+    #[inline(always)]
+    fn splat<S: Simd>(simd: S, value: Self) -> S::f64s {
+        simd.splat_f64s(value)
+    }
+    #[inline(always)]
+    fn plus<S: Simd>(simd: S, a: S::f64s, b: S::f64s) -> S::f64s {
+        simd.add_f64s(a, b)
+    }
+    #[inline(always)]
+    fn times<S: Simd>(simd: S, a: S::f64s, b: S::f64s) -> S::f64s {
+        simd.mul_f64s(a, b)
+    }
+    #[inline(always)]
+    fn fused<S: Simd>(simd: S, a: S::f64s, b: S::f64s, c: S::f64s) -> S::f64s {
+        simd.mul_add_e_f64s(a, b, c)
+    }
+    #[inline(always)]
+    fn registers<S: Simd>(values: &[Self]) -> &[S::f64s] {
+        S::as_simd_f64s(values).0
+    }
+    #[inline(always)]
+    fn registers_mut<S: Simd>(values: &mut [Self]) -> &mut [S::f64s] {
+        S::as_mut_simd_f64s(values).0
+    }
+    #[inline(always)]
+    fn turn<S: Simd>(simd: S, tile: [[Self; 4]; 4]) -> [[Self; 4]; 4] {
+        if S::F64_LANES != 4 {
+            return transpose::turn(tile);
+        }
+        let [a, b, c, d] = tile;
+        let row = |values: &[Self; 4]| S::as_simd_f64s(values).0[0];
+        let columns = simd.deinterleave_shfl_f64s([row(&a), row(&b), row(&c), row(&d)]);
+        let mut turned = tile;
+        for (line, column) in turned.iter_mut().zip(columns) {
+            S::as_mut_simd_f64s(line).0[0] = column;
+        }
+        turned
+    }
+    fn transforms(points: usize) -> Transforms<Self> {
+        Transforms::new(points)
+    }
+    fn from_f64(value: f64) -> Self {
+        value
+    }
+    fn to_f64(self) -> f64 {
+        self
+    }
+}
+
+impl Sample for f32 {
+    fn runner(runners: &Runners) -> &OnceLock<Runner<Self>> {
+        &runners.single
+    }
+    fn taps(taps: &Taps) -> &[Self] {
+        &taps.single
+    }
+    type Register<S: Simd> = S::f32s;
+    #[inline(always)]
+    fn splat<S: Simd>(simd: S, value: Self) -> S::f32s {
+        simd.splat_f32s(value)
+    }
+    #[inline(always)]
+    fn plus<S: Simd>(simd: S, a: S::f32s, b: S::f32s) -> S::f32s {
+        simd.add_f32s(a, b)
+    }
+    #[inline(always)]
+    fn times<S: Simd>(simd: S, a: S::f32s, b: S::f32s) -> S::f32s {
+        simd.mul_f32s(a, b)
+    }
+    #[inline(always)]
+    fn fused<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
+        simd.mul_add_e_f32s(a, b, c)
+    }
+    #[inline(always)]
+    fn registers<S: Simd>(values: &[Self]) -> &[S::f32s] {
+        S::as_simd_f32s(values).0
+    }
+    #[inline(always)]
+    fn registers_mut<S: Simd>(values: &mut [Self]) -> &mut [S::f32s] {
+        S::as_mut_simd_f32s(values).0
+    }
+    #[inline(always)]
+    fn turn<S: Simd>(_simd: S, tile: [[Self; 4]; 4]) -> [[Self; 4]; 4] {
+        transpose::turn(tile)
+    }
+    fn transforms(points: usize) -> Transforms<Self> {
+        Transforms::new(points)
+    }
+    fn from_f64(value: f64) -> Self {
+        value as Self
+    }
+    fn to_f64(self) -> f64 {
+        self.into()
+    }
+}

@@ -1,0 +1,49 @@
+//! Samples into the stream that engines run on, and sums into outputs.
+
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
+)]
+
+use super::Sample;
+
+/// The stream that engines run on, from its element `start` on: first differences of x, or x; zero where x has no samples.
+#[inline(always)]
+pub fn stream<T: Sample>(x: &[T], on_differences: bool, start: isize, out: &mut [T]) {
+    let held = x.len().saturating_sub(usize::from(on_differences)).cast_signed();
+    let inside = |place: isize| (place - start).clamp(0, out.len().cast_signed()).cast_unsigned();
+    let (from, until) = (inside(0), inside(held).max(inside(0)));
+    let (before, rest) = out.split_at_mut(from);
+    let (known, after) = rest.split_at_mut(until - from);
+    before.fill(T::default());
+    after.fill(T::default());
+    let Some(x) = x.get((start + from.cast_signed()).max(0).cast_unsigned()..) else { return };
+    if on_differences {
+        for ((value, older), newer) in known.iter_mut().zip(x).zip(x.iter().skip(1)) {
+            *value = *newer - *older;
+        }
+    } else {
+        known.copy_from_slice(&x[..until - from]);
+    }
+}
+
+/// Sums into outputs: scaled, and with the anchor's samples added.
+#[inline(always)]
+pub fn bring_home<T: Sample>(sums: &[T], scale: f64, anchored: Option<&[T]>, out: &mut [T]) {
+    out.copy_from_slice(sums);
+    rescale(out, scale);
+    if let Some(x) = anchored {
+        out.iter_mut().zip(x).for_each(|(out, sample)| *out = *out + *sample);
+    }
+}
+
+/// Multiplies by a power of two, rounding once.
+#[inline(always)]
+pub fn rescale<T: Sample>(values: &mut [T], scale: f64) {
+    let own = T::from_f64(scale);
+    if own.to_f64() == scale {
+        values.iter_mut().for_each(|value| *value = *value * own);
+    } else {
+        values.iter_mut().for_each(|value| *value = T::from_f64(value.to_f64() * scale));
+    }
+}
