@@ -116,7 +116,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = parser.parse_args(argv)
     header = machine()
     print("\n".join(f"- {name}: {value}" for name, value in header.items()))
-    print(f"- {options.samples:,} outputs or more, of direct fewer where it is slow; best of {options.repeat} repeats\n")
+    print(
+        f"- {options.samples:,} outputs or more, of direct fewer where it is slow; best of {options.repeat} repeats\n"
+    )
     samples = signal(2 * options.samples + max(WINDOWS))
     data = {dtype: samples.astype(dtype) for dtype in ("float64", "float32")}
     rows, found = [], []
