@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import datetime
-import inspect
 import os
 import platform
 import sys
 import time
 import warnings
-from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,8 +15,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import algdiff
-from algdiff._core import Bank
-from algdiff._run import run
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -28,10 +24,9 @@ if TYPE_CHECKING:
     Samples = NDArray[Any]
 
 EPS = float(np.finfo(float).eps)
-ALL = ("direct", "moments", "fft")
+ENGINES = ("direct", "moments", "fft")
 SAVGOL: dict[str, Any] = {"degree": 3, "kappa": 0.0, "mu": 0.0}
 COPY = "np.copyto"
-KEYWORD = "engine" in inspect.signature(algdiff.Differentiator).parameters
 
 
 def one_thread() -> None:
@@ -41,37 +36,19 @@ def one_thread() -> None:
         os.execve(sys.executable, sys.orig_argv, {**os.environ, **wanted})  # noqa: S606
 
 
-def estimator(engine: str, window_length: int, deriv: Any = 1, **design: Any) -> Callable[..., Samples]:
-    """Return the design run by `engine`, to be called as a `Differentiator` is.
+def estimator(engine: str, window_length: int, deriv: Any = 1, **design: Any) -> algdiff.Differentiator:
+    """Return the design run by `engine`.
 
     Where the engine refuses the design, that or the first call is a ValueError.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        if KEYWORD:
-            return algdiff.Differentiator(window_length, deriv, **{**design, "engine": engine})
-        d = algdiff.Differentiator(window_length, deriv, **design)
-    return partial(run, Bank([d._plan], engine), len(d.weights))
-
-
-def engines() -> tuple[str, ...]:
-    """Return the engines of this build."""
-
-    def known(engine: str) -> bool:
-        try:
-            estimator(engine, 61, **SAVGOL)
-        except ValueError:
-            return False
-        return True
-
-    return tuple(filter(known, ALL))
+        return algdiff.Differentiator(window_length, deriv, engine=engine, **design)
 
 
 def chosen(window_length: int, dtype: Any = np.float64, deriv: Any = 1, **design: Any) -> str:
     """Return the engine that runs by itself."""
-    run = estimator("auto", window_length, deriv, **{**SAVGOL, **design})
-    name: str = run.engine_for(dtype) if KEYWORD else run.args[0].engine(np.dtype(dtype) == np.float32)  # type: ignore[attr-defined]
-    return name
+    return estimator("auto", window_length, deriv, **{**SAVGOL, **design}).engine_for(dtype)
 
 
 def signal(count: int, dtype: Any = np.float64) -> Samples:

@@ -19,7 +19,7 @@ import numpy as np
 
 import algdiff
 import targets
-from common import COPY, EPS, SAVGOL, best_of, chosen, engines, estimator, figure, machine, one_thread, signal, table
+from common import COPY, ENGINES, EPS, SAVGOL, best_of, chosen, estimator, figure, machine, one_thread, signal, table
 from rivals import Peer, moving_mean, peers
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ def own(automatic: str, out: Samples, window_length: int, count: int, seconds: f
     norm1 = float(np.abs(algdiff.Differentiator(window_length, **SAVGOL).weights).sum())
     bound = 8 * EPS * (window_length + 1000) * norm1 * top
     found = []
-    for name, engine in {OURS: "auto", **{f"algdiff {engine}": engine for engine in engines()}}.items():
+    for name, engine in {OURS: "auto", **{f"algdiff {engine}": engine for engine in ENGINES}}.items():
         direct = (automatic if engine == "auto" else engine) == "direct"
         few = direct and fewer(count, window_length, PER_TAP, seconds) < count
         run = partial(estimator(engine, window_length, **SAVGOL), threads=1, mode="valid" if few else "fit")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-import inspect
 import json
 import warnings
 from pathlib import Path
@@ -14,34 +12,13 @@ import numpy.typing as npt
 
 import algdiff
 import reference
-from algdiff._core import Bank
-from algdiff._run import run
 
 Array = npt.NDArray[np.float64]
 Case = dict[str, Any]
 
 EPS = float(np.finfo(np.float64).eps)
+ENGINES = ("direct", "moments", "fft")
 GOLDEN = Path(__file__).parent / "golden"
-
-
-def _known(engine: str) -> bool:
-    try:
-        Bank([algdiff.Differentiator(61)._plan], engine)
-    except ValueError:
-        return False
-    return True
-
-
-def _orders() -> bool:
-    try:
-        algdiff.Differentiator(61, (0, 1))  # type: ignore[arg-type]
-    except TypeError:
-        return False
-    return True
-
-
-ENGINES = tuple(filter(_known, ("direct", "moments", "fft")))
-ORDERS = _orders()
 
 
 def golden(name: str) -> list[Case]:
@@ -61,27 +38,6 @@ def design(*args: Any, **options: Any) -> algdiff.Differentiator:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", algdiff.DesignWarning)
         return algdiff.Differentiator(*args, **options)
-
-
-class ByEngine:
-    """A design run by the named engine."""
-
-    def __init__(self, engine: str, *args: Any, **options: Any) -> None:
-        if "engine" in inspect.signature(algdiff.Differentiator).parameters:
-            self.run = self.design = design(*args, engine=engine, **options)
-            return
-        self.design = design(*args, **options)
-        self.bank = Bank([self.design._plan], engine)
-        self.run = functools.partial(run, self.bank, len(self.design.weights))
-
-    def __call__(self, x: npt.ArrayLike, axis: int = -1, **options: Any) -> npt.NDArray[Any]:
-        """Run it."""
-        return self.run(x, axis=axis, **options)
-
-    def engine(self, dtype: npt.DTypeLike) -> str:
-        """Return the name of the engine for this type of samples."""
-        single = np.dtype(dtype) == np.float32
-        return self.bank.engine(single) if hasattr(self, "bank") else self.design.engine_for(dtype)
 
 
 def conditioning(length: int, degree: int, kappa: float, mu: float) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from engines import DTYPES, OTHERS, Case, accepts, assert_within, bound, by_engine, designed
-from support import ENGINES, ORDERS, ByEngine
+from support import ENGINES, design
 
 CASES = [
     Case(5, 1, 2),
@@ -126,13 +126,12 @@ def before(case: Case) -> int:
 
 @pytest.mark.parametrize("dtype", DTYPES)
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.skipif(not ORDERS, reason="this build takes one order at a time")
 def test_several_orders_equal_each_alone(engine: str, dtype: Any) -> None:
     rng = np.random.default_rng(12)
     for case in CASES:
         if not accepts(engine, case) or case.rule != "exact":
             continue
-        together = ByEngine(engine, case.window_length, (0, 1, 2), **{**case.words(), "degree": 4})
+        together = design(case.window_length, (0, 1, 2), engine=engine, **{**case.words(), "degree": 4})
         for shape in [(case.window_length + 700,), (3, case.window_length + 50), (30_000,)]:
             x = rng.standard_normal(shape).astype(dtype)
             got = together(x, mode="valid")

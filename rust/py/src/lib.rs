@@ -357,7 +357,7 @@ impl Bank {
     fn new(py: Python<'_>, plans: Vec<PyRef<'_, Plan>>, engine: &str) -> PyResult<Self> {
         let known = ENGINES.iter().find(|(word, _)| *word == engine).map(|&(_, engine)| engine);
         if known.is_none() && engine != "auto" {
-            return Err(unknown("engine", engine, "'auto', 'direct' or 'fft'"));
+            return Err(unknown("engine", engine, "'auto', 'direct', 'moments' or 'fft'"));
         }
         let plans = plans.iter().map(|plan| Arc::clone(&plan.0)).collect();
         enter(py, None, |_| CoreBank::new(plans, known)).map(Self)
