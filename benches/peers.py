@@ -115,11 +115,19 @@ def own(automatic: str, out: Samples, window_length: int, count: int, seconds: f
     for name, engine in {OURS: "auto", **{f"algdiff {engine}": engine for engine in ENGINES}}.items():
         direct = (automatic if engine == "auto" else engine) == "direct"
         few = direct and fewer(count, window_length, PER_TAP, seconds) < count
-        run = partial(estimator(engine, window_length, **SAVGOL), threads=1, mode="valid" if few else "fit")
+        try:
+            run = partial(estimator(engine, window_length, **SAVGOL), threads=1, mode="valid" if few else "fit")
+        except ValueError as refusal:
+            found.append(Peer(name, partial(_refused, refusal), bound, 0.0))
+            continue
         halo = window_length - 1 if few else 0
         call = partial(_into, run, out, halo)
         found.append(Peer(name, call, bound, PER_TAP if direct else 0.0))
     return found
+
+
+def _refused(refusal: ValueError, _x: Samples) -> Samples:
+    raise refusal
 
 
 def _into(run: Callable[..., Samples], out: Samples, halo: int, x: Samples) -> Samples:
