@@ -15,6 +15,7 @@ import pytest
 
 from algdiff import Differentiator, savgol_filter
 from algdiff import _blocks as blocks
+from engines import bound
 
 MODES = ["fit", "valid", "nan", "nearest", "mirror", "wrap", "constant"]
 
@@ -125,10 +126,12 @@ def test_a_window_longer_than_extended_data() -> None:
 def test_blocks_of_the_usual_size(window_length: int, engine: str) -> None:
     design = Differentiator(window_length, engine=engine)
     x = np.random.default_rng(1).integers(-1000, 1000, 350_000).astype(np.int16)
+    # Only direct gives the same bits whatever the cuts; the bound holds on either side.
+    allowed = 0.0 if design.engine == "direct" else 2 * bound(design.engine, design, x.astype(float)).max()
     for mode in ("fit", "wrap"):
-        np.testing.assert_array_equal(design(x, mode=mode), design(x.astype(float), mode=mode))
+        np.testing.assert_allclose(design(x, mode=mode), design(x.astype(float), mode=mode), rtol=0, atol=allowed)
     columns = x.reshape(17_500, 20)
-    np.testing.assert_array_equal(design(columns, 0), design(columns.astype(float), 0))
+    np.testing.assert_allclose(design(columns, 0), design(columns.astype(float), 0), rtol=0, atol=allowed)
 
 
 def test_axes_in_any_order_are_seen_through(monkeypatch: pytest.MonkeyPatch) -> None:

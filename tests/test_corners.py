@@ -152,7 +152,7 @@ def test_more_rows_than_one_task_takes(shape: tuple[int, ...], axis: int) -> Non
 def test_a_step_sees_the_running_sums_of_the_weights_from_the_nearer_end(length: int, exponent: float) -> None:
     # A step of 1 after the k-th sample of a window gives -(w_0 + ... + w_k) = w_(k+1) + ... + w_(L-1). The weights of
     # this design change their sign in the middle only, so neither sum cancels.
-    d = design(length, 1, degree=2, kappa=exponent, mu=exponent, delta=1 / length)
+    d = design(length, 1, degree=2, kappa=exponent, mu=exponent, delta=1 / length, engine="direct")
     x = np.zeros(2 * length - 1)
     x[length:] = 1
     got = d(x, mode="valid")[:0:-1]
