@@ -90,7 +90,7 @@ def affordable(run: algdiff.Differentiator, x: NDArray[Any], seconds: float) -> 
 
     The last block of a row costs as much as any other, however little of it is wanted.
     """
-    window_length = len(run.weights)
+    window_length = run.weights.shape[-1]
     most = len(x) - window_length + 1
     few = min(most, 2000)
     short = partial(run, x[: few + window_length - 1], mode="valid", threads=1)
