@@ -53,11 +53,11 @@ impl Shape {
 
     /// The cheapest blocks and groups.
     fn cheapest(taps: usize, moments: usize) -> Option<Self> {
-        let sizes = |block: usize| [4, 8, 16, 32, 64].into_iter().map(move |group| (block, group));
+        let sizes = |block: usize| [4, 8, 16, 32, 64, 128].into_iter().map(move |group| (block, group));
         let fits = |&(block, group): &(usize, usize)| {
             // A strip holds whole windows: long groups for long windows, short ones so that short rows fill the lanes.
             let length = block * group;
-            (64..=2048).contains(&length) && (length <= 128 || length <= taps / 2) && taps / length <= 256
+            (64..=8192).contains(&length) && (length <= 128 || length <= taps / 32) && taps / length <= 1250
         };
         [8, 16, 32, 64]
             .into_iter()

@@ -15,8 +15,14 @@ use super::design::{Order, SPILL, Tables};
 use super::kernel::{self, Group, Table};
 use crate::error::{Error, resize};
 
-/// Groups of a row that are worked on between two runs through memory, in lanes.
+/// Samples of a row that are worked on between two runs through memory, about, and lanes full of groups, at most.
+const RUN: usize = 1 << 15;
 const STEPS: usize = 8;
+
+/// Lanes full of groups between two runs through memory.
+fn steps<T: Sample>(tables: &Tables<T>) -> usize {
+    (RUN / (tables.shape.group_length() * T::LANES)).clamp(1, STEPS)
+}
 
 /// A thread's own memory.
 #[derive(Debug, Default)]
@@ -44,9 +50,10 @@ impl<T: Sample> Room<T> {
     pub fn prepare_row(&mut self, tables: &Tables<T>) -> Result<(), Error> {
         let (shape, lanes) = (tables.shape, T::LANES);
         let (length, width) = (shape.group_length(), width(tables, lanes));
-        fit(&mut self.stream, STEPS * length * lanes)?;
-        fit(&mut self.ahead, STEPS * length * lanes + shape.block + SPILL)?;
-        fit(&mut self.lines, tables.orders.len() * STEPS * length * lanes)?;
+        let run = steps(tables) * length * lanes;
+        fit(&mut self.stream, run)?;
+        fit(&mut self.ahead, run + shape.block + SPILL)?;
+        fit(&mut self.lines, tables.orders.len() * run)?;
         fit(&mut self.near, length * lanes)?;
         fit(&mut self.far, (length + shape.block + SPILL) * lanes)?;
         fit(&mut self.results, length * lanes)?;
@@ -69,7 +76,7 @@ impl<T: Sample> Room<T> {
 
 /// Columns of the tables of moments of a row.
 fn width<T: Sample>(tables: &Tables<T>, lanes: usize) -> usize {
-    STEPS * lanes + tables.shape.halo()
+    steps(tables) * lanes + tables.shape.halo()
 }
 
 /// The stream of a row, as far as it is at hand.
@@ -216,6 +223,7 @@ impl<T: Sample> Row<'_, '_, T> {
         let (shape, width) = (tables.shape, width(tables, lanes));
         let length = shape.group_length();
         let (step, block_length) = (length * lanes, shape.block * lanes);
+        let most = steps(tables);
         let outputs = outs.first().map_or(0, |out| out.len());
         // The group that holds the start of the first window starts `lead` before it.
         let lead = (origin + first.cast_signed()).rem_euclid(length.cast_signed()).cast_unsigned();
@@ -233,9 +241,9 @@ impl<T: Sample> Row<'_, '_, T> {
         }
         // Groups whose moments follow from those of their blocks.
         let mut formed = 0;
-        for start in (0..outputs + lead).step_by(STEPS * step) {
+        for start in (0..outputs + lead).step_by(most * step) {
             // Long runs through memory, and between them work in the caches.
-            let steps = (outputs + lead - start).div_ceil(step).min(STEPS);
+            let steps = (outputs + lead - start).div_ceil(step).min(most);
             let here = place + start.cast_signed();
             let (stream, ahead) = (&mut stream[..steps * step], &mut ahead[..steps * step + shape.block + SPILL]);
             arch.dispatch(Stage { x, on_differences, start: here, stream });
@@ -265,13 +273,13 @@ impl<T: Sample> Row<'_, '_, T> {
                     blocks: Table { values: &blocks[column..], group: 1, moment: width },
                     groups: Table { values: groups.get(column..).unwrap_or(&[]), group: 1, moment: width },
                 };
-                for (order, line) in tables.orders.iter().zip(lines.chunks_exact_mut(STEPS * step)) {
+                for (order, line) in tables.orders.iter().zip(lines.chunks_exact_mut(most * step)) {
                     arch.dispatch(Evaluate { tables, order, group, coefficients, results });
                     arch.dispatch(Scatter { lanes: results, length, line: &mut line[at..at + step] });
                 }
             }
             let (from, until) = (start.max(lead), (start + steps * step).min(lead + outputs));
-            let all = tables.orders.iter().zip(outs.iter_mut()).zip(lines.chunks_exact(STEPS * step));
+            let all = tables.orders.iter().zip(outs.iter_mut()).zip(lines.chunks_exact(most * step));
             for ((order, out), line) in all {
                 arch.dispatch(Deliver {
                     sums: &line[from - start..until - start],
@@ -280,7 +288,7 @@ impl<T: Sample> Row<'_, '_, T> {
                     out: &mut out[from - lead..until - lead],
                 });
             }
-            let done = STEPS * lanes;
+            let done = most * lanes;
             blocks.chunks_mut(width).chain(groups.chunks_mut(width)).for_each(|row| row.copy_within(done.., 0));
             formed = formed.saturating_sub(done);
         }
