@@ -129,13 +129,19 @@ fn correlate<T: Sample, S: Simd>(simd: S, taps: &[T], scale: f64, x: &[T], out: 
     let mut done = 0;
     if size_of::<T::Register<S>>() == STRIDE_BYTES {
         done += tiles::<T, S, TILE>(simd, taps, scale, x, out);
-        done += tiles::<T, S, 2>(simd, taps, scale, &x[done..], &mut out[done..]);
-        done += tiles::<T, S, 1>(simd, taps, scale, &x[done..], &mut out[done..]);
+        done += tiles::<T, S, 2>(simd, taps, scale, after(x, done), &mut out[done..]);
+        done += tiles::<T, S, 1>(simd, taps, scale, after(x, done), &mut out[done..]);
     }
     match STRIDE_BYTES / size_of::<T>() {
-        4 => one_by_one::<T, 4>(taps, scale, &x[done..], &mut out[done..]),
-        _ => one_by_one::<T, 8>(taps, scale, &x[done..], &mut out[done..]),
+        4 => one_by_one::<T, 4>(taps, scale, after(x, done), &mut out[done..]),
+        _ => one_by_one::<T, 8>(taps, scale, after(x, done), &mut out[done..]),
     }
+}
+
+/// The rest of the stream: nothing beyond its end, which without taps comes before that of the outputs.
+#[inline(always)]
+fn after<T>(x: &[T], done: usize) -> &[T] {
+    x.get(done..).unwrap_or_default()
 }
 
 /// Fills as many outputs as whole tiles of `N` registers cover, and says how many.
