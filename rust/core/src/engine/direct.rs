@@ -15,7 +15,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::stream::rescale;
 use super::{Sample, Scratch, Taps};
-use crate::error::{Error, resize, try_vec};
+use crate::error::{Error, at_least, try_vec};
 
 /// Outputs for which differences are formed at a time: with their taps they stay in the nearest caches.
 const BLOCK: usize = 4096;
@@ -74,7 +74,7 @@ impl<T: Sample> Direct<T> {
         scratch: &mut Scratch<T>,
     ) -> Result<(), Error> {
         if self.on_differences {
-            resize(&mut scratch.differences, BLOCK + self.span)?;
+            at_least(&mut scratch.differences, BLOCK + self.span)?;
         }
         let x = &x[first..];
         Arch::new().dispatch(Apply { direct: self, x, outs, differences: &mut scratch.differences });

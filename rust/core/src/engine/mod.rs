@@ -1,8 +1,8 @@
 //! How the weights of one or several orders meet the data.
 //!
 //! Engines run on contiguous samples and know nothing of ends, axes or threads. [`direct`] adds the taps of every output in
-//! one fixed order, so that blocks, streams and threads give the same bits. [`fft`] multiplies spectra of blocks that lie on a
-//! fixed grid of the row: the same bits for every run that is cut on the grid.
+//! one fixed order, so that blocks, streams and threads give the same bits. [`moments`] and [`fft`] work on blocks that lie on a
+//! fixed grid of the row, the one for weights that are polynomials, the other for any; [`choice`] says which is the fastest.
 
 /// The numbers of registers that hold the lanes of a place, known when compiled.
 macro_rules! with_registers {
