@@ -14,7 +14,7 @@ pub fn ranked(orders: &[&Taps], single: bool) -> Vec<Engine> {
     // Below this nothing else has a chance, and looking for a polynomial would take longer than short calls do.
     if taps >= 40 {
         costs.push((fourier(taps, orders.len(), single), Engine::Fft));
-        if let Ok(Some(shape)) = Shape::of(orders) {
+        if let Ok(Some(shape)) = Shape::of(orders, if single { 16 } else { 8 }) {
             costs.push((moments(&shape, orders.len(), single), Engine::Moments));
         }
     }
@@ -28,10 +28,11 @@ fn direct(taps: usize, orders: usize, single: bool) -> f64 {
     0.4 + orders as f64 * per_tap * taps as f64
 }
 
-/// Bound by multiplications, and by turning rows into lanes.
+/// Bound by multiplications.
 fn moments(shape: &Shape, orders: usize, single: bool) -> f64 {
-    let per_product = if single { 0.085 } else { 0.12 };
-    per_product * shape.cost(orders)
+    let (shared, each) = shape.cost;
+    let per_product = if single { 0.14 } else { 0.14 };
+    0.3 + per_product * (shared + each * orders as f64)
 }
 
 /// One transform forth, and one back for every order.

@@ -23,10 +23,10 @@ pub mod direct;
 pub mod fft;
 pub mod moments;
 mod negacyclic;
+mod prefetch;
 mod sample;
 mod stream;
 mod taps;
-mod transpose;
 
 pub use sample::Sample;
 pub use taps::Taps;
@@ -125,7 +125,7 @@ impl<T: Sample> Runner<T> {
     pub fn grid(&self) -> usize {
         match self {
             Self::Direct(_) => 1,
-            Self::Moments(moments) => moments.shape().group_length(),
+            Self::Moments(moments) => moments.shape().block,
             Self::Fft(fft) => fft.grid(),
         }
     }
@@ -145,7 +145,7 @@ impl<T: Sample> Runner<T> {
     pub fn stretch(&self) -> usize {
         match self {
             Self::Direct(_) => 1,
-            Self::Moments(moments) => 16 * moments.span(),
+            Self::Moments(moments) => 4 * moments.span(),
             Self::Fft(fft) => fft.grid(),
         }
     }

@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 use pulp::Simd;
 
 use super::negacyclic::Transforms;
-use super::{Runner, Taps, transpose};
+use super::{Runner, Taps};
 use crate::bank::Runners;
 
 /// The element types that engines run in.
@@ -39,8 +39,12 @@ pub trait Sample:
     fn registers<S: Simd>(values: &[Self]) -> &[Self::Register<S>];
     /// The whole registers of a slice.
     fn registers_mut<S: Simd>(values: &mut [Self]) -> &mut [Self::Register<S>];
-    /// Four rows of four as four columns.
-    fn turn<S: Simd>(simd: S, tile: [[Self; 4]; 4]) -> [[Self; 4]; 4];
+    /// Lanes of a register that a condition holds for.
+    type Mask<S: Simd>: Copy + fmt::Debug;
+    /// The lanes up to number `lane`, and that one.
+    fn up_to<S: Simd>(simd: S, lane: usize) -> Self::Mask<S>;
+    /// `a` in the lanes of the mask, `b` in the others.
+    fn choose<S: Simd>(simd: S, mask: Self::Mask<S>, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
     /// The complex transforms of so many points.
     fn transforms(points: usize) -> Transforms<Self>;
     /// The nearest value of this type.
@@ -81,19 +85,15 @@ impl Sample for f64 {
     fn registers_mut<S: Simd>(values: &mut [Self]) -> &mut [S::f64s] {
         S::as_mut_simd_f64s(values).0
     }
+    type Mask<S: Simd> = S::m64s;
     #[inline(always)]
-    fn turn<S: Simd>(simd: S, tile: [[Self; 4]; 4]) -> [[Self; 4]; 4] {
-        if S::F64_LANES != 4 {
-            return transpose::turn(tile);
-        }
-        let [a, b, c, d] = tile;
-        let row = |values: &[Self; 4]| S::as_simd_f64s(values).0[0];
-        let columns = simd.deinterleave_shfl_f64s([row(&a), row(&b), row(&c), row(&d)]);
-        let mut turned = tile;
-        for (line, column) in turned.iter_mut().zip(columns) {
-            S::as_mut_simd_f64s(line).0[0] = column;
-        }
-        turned
+    fn up_to<S: Simd>(simd: S, lane: usize) -> S::m64s {
+        let numbers: [Self; 8] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+        simd.less_than_or_equal_f64s(S::as_simd_f64s(&numbers).0[0], simd.splat_f64s(lane as Self))
+    }
+    #[inline(always)]
+    fn choose<S: Simd>(simd: S, mask: S::m64s, a: S::f64s, b: S::f64s) -> S::f64s {
+        simd.select_f64s(mask, a, b)
     }
     fn transforms(points: usize) -> Transforms<Self> {
         Transforms::new(points)
@@ -138,9 +138,16 @@ impl Sample for f32 {
     fn registers_mut<S: Simd>(values: &mut [Self]) -> &mut [S::f32s] {
         S::as_mut_simd_f32s(values).0
     }
+    type Mask<S: Simd> = S::m32s;
     #[inline(always)]
-    fn turn<S: Simd>(_simd: S, tile: [[Self; 4]; 4]) -> [[Self; 4]; 4] {
-        transpose::turn(tile)
+    fn up_to<S: Simd>(simd: S, lane: usize) -> S::m32s {
+        let numbers: [Self; 16] =
+            [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
+        simd.less_than_or_equal_f32s(S::as_simd_f32s(&numbers).0[0], simd.splat_f32s(lane as Self))
+    }
+    #[inline(always)]
+    fn choose<S: Simd>(simd: S, mask: S::m32s, a: S::f32s, b: S::f32s) -> S::f32s {
+        simd.select_f32s(mask, a, b)
     }
     fn transforms(points: usize) -> Transforms<Self> {
         Transforms::new(points)

@@ -7,10 +7,12 @@
 
 use super::Sample;
 
-/// The stream that engines run on, from its element `start` on: first differences of x, or x; zero where x has no samples.
+/// The stream that engines run on, from its sample `start` on: first differences of x, or x; zero where x has no samples.
+/// Samples are `unit` neighbouring values.
 #[inline(always)]
-pub fn stream<T: Sample>(x: &[T], on_differences: bool, start: isize, out: &mut [T]) {
-    let held = x.len().saturating_sub(usize::from(on_differences)).cast_signed();
+pub fn stream<T: Sample>(x: &[T], unit: usize, on_differences: bool, start: isize, out: &mut [T]) {
+    let lag = if on_differences { unit } else { 0 };
+    let (start, held) = (start * unit.cast_signed(), x.len().saturating_sub(lag).cast_signed());
     let inside = |place: isize| (place - start).clamp(0, out.len().cast_signed()).cast_unsigned();
     let (from, until) = (inside(0), inside(held).max(inside(0)));
     let (before, rest) = out.split_at_mut(from);
@@ -19,21 +21,11 @@ pub fn stream<T: Sample>(x: &[T], on_differences: bool, start: isize, out: &mut 
     after.fill(T::default());
     let Some(x) = x.get((start + from.cast_signed()).max(0).cast_unsigned()..) else { return };
     if on_differences {
-        for ((value, older), newer) in known.iter_mut().zip(x).zip(x.iter().skip(1)) {
+        for ((value, older), newer) in known.iter_mut().zip(x).zip(x.iter().skip(lag)) {
             *value = *newer - *older;
         }
     } else {
         known.copy_from_slice(&x[..until - from]);
-    }
-}
-
-/// Sums into outputs: scaled, and with the anchor's samples added.
-#[inline(always)]
-pub fn bring_home<T: Sample>(sums: &[T], scale: f64, anchored: Option<&[T]>, out: &mut [T]) {
-    out.copy_from_slice(sums);
-    rescale(out, scale);
-    if let Some(x) = anchored {
-        out.iter_mut().zip(x).for_each(|(out, sample)| *out = *out + *sample);
     }
 }
 

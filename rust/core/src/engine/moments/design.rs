@@ -4,117 +4,119 @@ use super::super::{Sample, Taps};
 use super::polynomial::{Legendre, Polynomial, Smooth, polynomials};
 use crate::error::{Error, try_vec};
 
-/// Outputs that are computed together, whose windows end up to three samples beyond that of the first.
-pub const TILE: usize = 4;
-
-/// Samples that a tile reads beyond the end of its group.
-pub const SPILL: usize = TILE;
+/// Samples of a block: as many outputs as are computed together in registers.
+const BLOCKS: [usize; 2] = [16, 32];
 
 /// The largest error bound, in units of eps, with which the engine is still offered.
 const ALLOWED_BOUND: f64 = 1e5;
 
+/// How far a polynomial of the taps' degree may grow, relative to the window, where a group reaches beyond it: what the sums
+/// over parts of a group lose.
+const GROWTH: f64 = 200.0;
+
+/// Numbers of a table that stay in the nearest cache beside the samples.
+const NEAR: usize = 16 << 10;
+
 /// Blocks and groups of a window of `taps` taps.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shape {
     /// Taps of a window.
     pub taps: usize,
     /// Samples of a block.
     pub block: usize,
-    /// Blocks of a group.
-    pub group: usize,
     /// Moments of a block.
     pub moments: usize,
     /// Whole blocks after the first that every window of a block holds.
     pub whole: usize,
-    /// Samples that the first window of a block holds beyond them: from 1 to `block`.
+    /// Samples that every window of a block holds beyond them: from 1 to `block`.
     pub reach: usize,
-    /// Whole groups that every window of a group holds, where groups are used.
-    pub groups: Option<usize>,
+    /// Blocks of a group, where groups are used.
+    pub group: Option<usize>,
+    /// Multiplications of registers of 64 bytes for one output: for all orders together, and for each.
+    pub cost: (f64, f64),
 }
 
 impl Shape {
-    fn new(taps: usize, block: usize, group: usize, moments: usize, grouped: bool) -> Option<Self> {
-        let whole = ((taps - 1) / block).checked_sub(1).filter(|whole| *whole > 0)?;
+    fn new(taps: usize, block: usize, moments: usize, group: Option<usize>, lanes: usize) -> Option<Self> {
+        let whole = ((taps - 1) / block).checked_sub(1)?;
         let reach = taps - (whole + 1) * block;
-        let groups =
-            if grouped { Some((whole + 1).checked_sub(group)? / group).filter(|groups| *groups > 0) } else { None };
-        (groups.is_some() == grouped).then_some(Self { taps, block, group, moments, whole, reach, groups })
+        let new = Self { taps, block, moments, whole, reach, group, cost: (0.0, 0.0) };
+        let fits = group.is_none_or(|group| group <= whole && growth(moments - 1, group, whole) <= GROWTH);
+        fits.then(|| Self { cost: new.cost(lanes), ..new })
     }
 
-    /// The cheapest blocks and groups for these orders; none if their taps are no polynomials of a low degree, or too few.
-    pub fn of(orders: &[&Taps]) -> Result<Option<Self>, Error> {
-        Ok(polynomials(orders)?.and_then(|polynomials| Self::for_polynomials(&polynomials)))
+    /// The cheapest blocks and groups for these orders, in registers of `lanes` samples; none if their taps are no
+    /// polynomials of a low degree, or too few.
+    pub fn of(orders: &[&Taps], lanes: usize) -> Result<Option<Self>, Error> {
+        Ok(polynomials(orders)?.and_then(|polynomials| Self::for_polynomials(&polynomials, lanes)))
     }
 
-    fn for_polynomials(polynomials: &[(Smooth, Polynomial)]) -> Option<Self> {
+    fn for_polynomials(polynomials: &[(Smooth, Polynomial)], lanes: usize) -> Option<Self> {
         let moments = polynomials.iter().map(|(_, polynomial)| polynomial.coefficients.len()).max()?;
-        Self::cheapest(polynomials.first()?.0.taps.len(), moments)
-    }
-
-    /// The cheapest blocks and groups.
-    fn cheapest(taps: usize, moments: usize) -> Option<Self> {
-        let sizes = |block: usize| [4, 8, 16, 32, 64, 128].into_iter().map(move |group| (block, group));
-        let fits = |&(block, group): &(usize, usize)| {
-            // A strip holds whole windows: long groups for long windows, short ones so that short rows fill the lanes.
-            let length = block * group;
-            (64..=8192).contains(&length) && (length <= 128 || length <= taps / 32) && taps / length <= 1250
-        };
-        [8, 16, 32, 64]
-            .into_iter()
-            .flat_map(sizes)
-            .filter(fits)
-            .flat_map(|(block, group)| [false, true].map(|grouped| Self::new(taps, block, group, moments, grouped)))
+        let taps = polynomials.first()?.0.taps.len();
+        let groups = [None].into_iter().chain((2..=11).map(|octave| Some(1 << octave)));
+        groups
+            .flat_map(|group| BLOCKS.map(|block| Self::new(taps, block, moments, group, lanes)))
             .flatten()
-            .min_by(|one, other| one.cost(1).total_cmp(&other.cost(1)))
+            .min_by(|one, other| one.total().total_cmp(&other.total()))
     }
 
-    /// Multiplications for one sample and `orders` orders, about.
-    #[must_use]
-    pub fn cost(&self, orders: usize) -> f64 {
-        let (block, group, moments) = (self.block as f64, self.group as f64, self.moments as f64);
-        let triangle = 0.5 * moments * (moments + 1.0) / block;
-        let blocks = match self.groups {
-            Some(groups) => group + 1.0 + groups as f64 / group,
-            None => self.whole as f64 + self.reach as f64 / block,
+    fn total(&self) -> f64 {
+        self.cost.0 + self.cost.1
+    }
+
+    fn cost(&self, lanes: usize) -> (f64, f64) {
+        let [block, moments, whole, lanes] = [self.block, self.moments, self.whole, lanes].map(|size| size as f64);
+        let registers = (moments / lanes).ceil();
+        let product = moments * registers / block;
+        let triangle = (block + self.reach as f64) / lanes;
+        if self.whole == 0 {
+            return (0.0, triangle);
+        }
+        let (shared, each) = match self.group {
+            None => (0.0, product * whole),
+            Some(group) => {
+                // Tables that leave the nearest cache cost as much again.
+                let far = if 4 * group * self.moments * self.moments > NEAR / 8 { 2.0 } else { 1.0 };
+                let groups = if self.between(group, group - 1) > 0 { 1.0 } else { 0.0 };
+                (far * product + 2.0 * registers / block, far * product * (2.0 + groups + whole / (group * group) as f64))
+            }
         };
-        let shared = moments + if self.groups.is_some() { triangle } else { 0.0 };
-        shared + orders as f64 * (block + 4.0 + moments + triangle * blocks)
+        (registers + shared, triangle + moments / lanes + each)
     }
 
-    /// Samples of a group.
-    #[must_use]
-    pub fn group_length(&self) -> usize {
-        self.block * self.group
+    /// Whole groups between the group of an output's block, its block `index`, and that in which its whole blocks end.
+    pub fn between(&self, group: usize, index: usize) -> usize {
+        (self.whole + 1 + index - group) / group
     }
 
-    /// Groups that the windows of one group reach beyond it.
-    #[must_use]
-    pub fn halo(&self) -> usize {
-        (self.group + self.whole + 1) / self.group
+    /// Elements of a block's moments where they fill registers.
+    pub fn stride<T: Sample>(&self) -> usize {
+        self.moments.next_multiple_of(T::LANES)
     }
+}
 
-    /// How many blocks on every `C_l` is needed for, from block 1: near ones, and those around the far end.
-    #[must_use]
-    pub fn near(&self) -> usize {
-        if self.groups.is_some() { self.group - 1 } else { self.whole + 1 }
-    }
-
-    /// The first of the far blocks, and how many.
-    #[must_use]
-    pub fn far(&self) -> (usize, usize) {
-        if self.groups.is_some() { (self.whole + 2 - self.group, self.group) } else { (self.whole + 2, 0) }
-    }
+/// The largest value of a polynomial of degree `degree`, at most 1 on the window, where a group reaches beyond it.
+fn growth(degree: usize, group: usize, whole: usize) -> f64 {
+    (degree as f64 * (1.0 + 2.0 * group as f64 / whole as f64).acosh()).cosh()
 }
 
 /// One order's taps and matrices.
 #[derive(Debug)]
 pub struct Order<T> {
     pub taps: Vec<T>,
+    /// Taps of the outputs of a block, side by side: for the samples after the whole blocks that all windows hold, ...
+    pub rest: Vec<T>,
+    /// ... and for sample k of the first block or, where the window starts after it, sample k after those.
+    pub ring: Vec<T>,
     pub scale: f64,
     pub anchor: Option<usize>,
-    /// `C_l` of the near blocks, then of the far ones; row d of a matrix is what moment d adds to the coefficients.
-    pub blocks: Vec<T>,
-    /// The same for groups.
+    /// What the moments of blocks add to the coefficients of the outputs, a row for every moment: the blocks after the first;
+    /// or, with groups, those to the end of the group, for every block of it, ...
+    pub near: Vec<T>,
+    /// ... those from the start of the group in which the whole blocks end, ...
+    pub far: Vec<T>,
+    /// ... and the whole groups between, for outputs of a whole group.
     pub groups: Vec<T>,
 }
 
@@ -123,9 +125,11 @@ pub struct Order<T> {
 pub struct Tables<T> {
     pub shape: Shape,
     pub orders: Vec<Order<T>>,
+    /// Elements of a row of a matrix.
+    pub stride: usize,
     /// `p_d` at the samples of a block: a row for every sample.
     pub basis: Vec<T>,
-    /// The same, by tiles of outputs: `p_d` at the outputs of the tile, d after d.
+    /// The same, a row for every d.
     pub places: Vec<T>,
     /// For every block of a group: what its moment d' adds to the group's moment d, a row for every d'.
     pub lift: Vec<T>,
@@ -138,44 +142,114 @@ impl<T: Sample> Tables<T> {
     /// None where the taps are no polynomials, or where their error could not be bounded well.
     pub fn new(orders: &[&Taps]) -> Result<Option<Self>, Error> {
         let Some(polynomials) = polynomials(orders)? else { return Ok(None) };
-        let Some(shape) = Shape::for_polynomials(&polynomials) else { return Ok(None) };
-        let moments = shape.moments;
+        let Some(shape) = Shape::for_polynomials(&polynomials, T::LANES) else { return Ok(None) };
+        let (moments, stride, block) = (shape.moments, shape.stride::<T>(), shape.block);
         let legendre = Legendre::new(moments);
         let mut error_bound: f64 = 0.0;
         let mut built = Vec::new();
         for (order, (smooth, polynomial)) in orders.iter().zip(&polynomials) {
-            let Smooth { taps, anchor } = smooth;
-            let (far, count) = shape.far();
-            let distances = (1..=shape.near()).chain(far..far + count);
-            let blocks = legendre.matrices(polynomial, shape.block, distances)?;
-            let groups =
-                legendre.matrices(polynomial, shape.group_length(), 1..=shape.groups.map_or(0, |groups| groups + 1))?;
-            error_bound = error_bound.max(bound(&shape, taps, polynomial.residual, &blocks, &groups));
-            let (taps, blocks, groups) = (narrow(taps)?, narrow(&blocks)?, narrow(&groups)?);
-            built.push(Order { taps, scale: order.scale, anchor: *anchor, blocks, groups });
+            let matrices = Matrices::new(&shape, &legendre, polynomial, stride)?;
+            let sum: f64 = smooth.taps.iter().map(|tap| tap.abs()).sum();
+            let missed = polynomial.residual * shape.taps as f64 / f64::EPSILON;
+            error_bound = error_bound.max(3.0 * block as f64 + (missed + matrices.bound) / sum);
+            built.push(matrices.order(&shape, order, smooth)?);
         }
         if error_bound > ALLOWED_BOUND {
             return Ok(None);
         }
-        let values: Vec<Vec<f64>> =
-            (0..shape.block).map(|j| legendre.at((j as f64 + 0.5) / shape.block as f64)).collect();
-        let tile = |tile: &[Vec<f64>]| -> Vec<f64> {
-            (0..moments).flat_map(|d| tile.iter().map(move |p| p[d]).collect::<Vec<_>>()).collect()
+        let values: Vec<Vec<f64>> = (0..block).map(|j| legendre.at((j as f64 + 0.5) / block as f64)).collect();
+        let places: Vec<f64> = (0..moments).flat_map(|d| values.iter().map(move |p| p[d])).collect();
+        let group = shape.group.unwrap_or(0);
+        let lift: Vec<Vec<f64>> = (0..group).map(|index| legendre.lift(index, group)).collect();
+        let turned = |matrix: &Vec<f64>| -> Vec<f64> {
+            (0..moments * moments).map(|at| matrix[at % moments * moments + at / moments]).collect()
         };
-        let lift: Vec<f64> = (0..shape.group).flat_map(|block| legendre.lift(block, shape.group)).collect();
-        let turned: Vec<f64> = lift
-            .chunks(moments * moments)
-            .flat_map(|matrix| (0..moments * moments).map(|at| matrix[at % moments * moments + at / moments]))
-            .collect();
+        let restrict: Vec<Vec<f64>> = lift.iter().map(turned).collect();
         Ok(Some(Self {
             shape,
             orders: built,
-            basis: narrow(&values.concat())?,
-            places: narrow(&values.chunks(TILE).flat_map(tile).collect::<Vec<_>>())?,
-            lift: narrow(&lift)?,
-            restrict: narrow(&turned)?,
+            stride,
+            basis: padded(&values.concat(), moments, stride)?,
+            places: narrow(&places)?,
+            lift: padded(&lift.concat(), moments, stride)?,
+            restrict: padded(&restrict.concat(), moments, stride)?,
             error_bound,
         }))
+    }
+}
+
+/// The matrices of one order, and the part of the error that comes by moments, in units of eps and of the largest sample:
+/// it passes the sums over a block, over a group, and over the blocks and groups of a window, and is as large as the
+/// matrices say, because their polynomials are at most `sqrt(2 d + 1)`.
+#[derive(Default)]
+struct Matrices {
+    near: Vec<f64>,
+    far: Vec<f64>,
+    groups: Vec<f64>,
+    bound: f64,
+}
+
+impl Matrices {
+    fn new(shape: &Shape, legendre: &Legendre, polynomial: &Polynomial, stride: usize) -> Result<Self, Error> {
+        let mut new = Self::default();
+        let (block, moments, whole) = (shape.block as f64, shape.moments, shape.whole);
+        let square = moments * stride;
+        let held = |count: usize| try_vec(count * square, 0.0).map(|mut room| {
+            room.clear();
+            room
+        });
+        let size = |matrix: &[f64]| {
+            let norm = |at: usize| ((2 * at + 1) as f64).sqrt();
+            matrix.iter().enumerate().map(|(at, value)| value.abs() * norm(at / stride) * norm(at % stride)).sum::<f64>()
+        };
+        let last = |matrices: &[f64]| size(&matrices[matrices.len() - square..]);
+        let Some(group) = shape.group else {
+            new.near = held(whole)?;
+            for distance in 1..=whole {
+                legendre.matrix(polynomial, distance as f64 * block, [block; 2], stride, &mut new.near);
+            }
+            new.bound = (block + (whole + 4) as f64 * moments as f64) * block * size(&new.near);
+            return Ok(new);
+        };
+        let length = group as f64 * block;
+        (new.near, new.far) = (held(group)?, held(group)?);
+        let mut ends: f64 = 0.0;
+        for index in 0..group {
+            let (before, between) = (index as f64 * block, shape.between(group, index));
+            legendre.matrix(polynomial, -before, [length, block], stride, &mut new.near);
+            let after = (between + 1) as f64 * length - before;
+            legendre.matrix(polynomial, after, [length, block], stride, &mut new.far);
+            let rest = shape.whole + 1 + index - group - between * group;
+            let blocks = (group - 1 - index) as f64 * last(&new.near) + rest as f64 * last(&new.far);
+            ends = ends.max(block * blocks);
+        }
+        let between = shape.between(group, group - 1);
+        new.groups = held(between)?;
+        for distance in 1..=between {
+            legendre.matrix(polynomial, distance as f64 * length, [length; 2], stride, &mut new.groups);
+        }
+        let terms = block + group as f64 + (between + 6) as f64 * moments as f64;
+        new.bound = terms * (ends + length * size(&new.groups));
+        Ok(new)
+    }
+
+    fn order<T: Sample>(self, shape: &Shape, order: &Taps, smooth: &Smooth) -> Result<Order<T>, Error> {
+        let Smooth { taps, anchor } = smooth;
+        let (block, after) = (shape.block, shape.taps - shape.reach);
+        let lines = |start: usize, count: usize| (start..start + count).flat_map(move |k| (0..block).map(move |i| (k, i)));
+        let rest: Vec<f64> = lines(after, shape.reach).map(|(k, i)| taps[k - i]).collect();
+        let ring: Vec<f64> =
+            lines(0, block).map(|(k, i)| if k < i { taps[taps.len() + k - i] } else { taps[k - i] }).collect();
+        Ok(Order {
+            taps: narrow(taps)?,
+            rest: narrow(&rest)?,
+            ring: narrow(&ring)?,
+            scale: order.scale,
+            anchor: *anchor,
+            near: narrow(&self.near)?,
+            far: narrow(&self.far)?,
+            groups: narrow(&self.groups)?,
+        })
     }
 }
 
@@ -185,21 +259,11 @@ fn narrow<T: Sample>(values: &[f64]) -> Result<Vec<T>, Error> {
     Ok(narrow)
 }
 
-/// The error of an output in units of eps, relative to `sum |W| max |s|`: every product at the two ends passes at most
-/// `3 B` additions; what comes by moments passes the sums over a block, over a group, and over the blocks and groups of a
-/// window, and is as large as the matrices say, because their polynomials are at most `sqrt(2 d + 1)`.
-fn bound(shape: &Shape, taps: &[f64], residual: f64, blocks: &[f64], groups: &[f64]) -> f64 {
-    let (block, group, moments) = (shape.block as f64, shape.group as f64, shape.moments as f64);
-    let sum: f64 = taps.iter().map(|tap| tap.abs()).sum();
-    let size = |matrices: &[f64], length: f64| {
-        let norm = |at: usize| ((2 * at + 1) as f64).sqrt();
-        let square = shape.moments * shape.moments;
-        let entry =
-            |(at, value): (usize, &f64)| value.abs() * norm(at % square / shape.moments) * norm(at % shape.moments);
-        length * matrices.iter().enumerate().map(entry).sum::<f64>()
-    };
-    let terms =
-        block + group + 4.0 * moments + shape.near() as f64 * moments + shape.groups.unwrap_or(0) as f64 * moments;
-    let missed = residual * shape.taps as f64 / f64::EPSILON;
-    3.0 * block + (missed + terms * (size(blocks, block) + size(groups, block * group))) / sum
+/// Rows of `width` values, `stride` apart.
+fn padded<T: Sample>(values: &[f64], width: usize, stride: usize) -> Result<Vec<T>, Error> {
+    let mut padded = try_vec(values.len() / width * stride, T::default())?;
+    for (row, values) in padded.chunks_mut(stride).zip(values.chunks(width)) {
+        row.iter_mut().zip(values).for_each(|(entry, value)| *entry = T::from_f64(*value));
+    }
+    Ok(padded)
 }

@@ -2,30 +2,40 @@
 //!
 //! Taps that are a polynomial of degree D in their index, but for the first and the last of them, need not be multiplied
 //! one by one. The stream (first differences, or the samples) is cut into blocks of B. A window that starts in block b
-//! consists of the rest of block b, of m whole blocks, and of the beginning of one more. The two ends are products of at
-//! most B taps together. Of every whole block only its D + 1 moments in a Legendre basis matter, which all windows share:
-//! what they add to the outputs of block b is a polynomial of degree D in the output's place, with the coefficients
-//! `sum over l of C_l M_(b+l)`. Where m is large, G blocks form a group whose moments follow from theirs, and the same
-//! holds for the groups between two ends of whole blocks.
+//! consists of the rest of block b, of m whole blocks, and of what is left. The two ends are products, of B taps together
+//! and of those, 1 to B, by which the window is longer than whole blocks. Of every whole block only its D + 1 moments in a
+//! Legendre basis matter, which all windows share: what they add to the outputs of block b is a polynomial of degree D in
+//! the output's place, with the coefficients `sum over l of C_l M_(b+l)`.
 //!
-//! Nothing is subtracted or carried along, so there is no drift, and what is not finite stays in the windows that hold it.
-//! The grid of blocks lies on the row, so that no cut of a run changes a bit. CPUs with fused multiplication and addition
-//! use it: bits may differ between CPUs.
+//! Where m is large, G blocks form a group. The m blocks are then the end of one group, whole groups, and the beginning of
+//! another. The moments of ends and beginnings are running sums, over one group at most, of what every block adds to the
+//! moments of its group: for every block one product with a matrix to form them, and one for each of the three to use them,
+//! however long the window.
+//!
+//! Nothing is subtracted or carried on, so there is no drift, and what is not finite stays in the windows that hold it.
+//! The grid of blocks and groups lies on the row, so that no cut of a run changes a bit. CPUs with fused multiplication and
+//! addition use it: bits may differ between CPUs.
 //!
 //! The error is at most [`Moments::error_bound`] `* eps * sum |W| * max |s|` with the taps W and the stream s of a window.
 
+mod across;
+mod along;
 mod design;
-mod kernel;
-mod lanes;
+mod lay;
 mod polynomial;
+mod room;
+mod run;
+
+use pulp::Arch;
 
 use super::{Sample, Scratch, Taps};
 use crate::error::Error;
 
+use across::Rows;
 pub use design::Shape;
 use design::Tables;
-pub use lanes::Room;
-use lanes::{Columns, Row};
+pub use room::Room;
+use run::Run;
 
 /// The taps of every order, and the tables that they share.
 #[derive(Debug)]
@@ -49,7 +59,9 @@ impl<T: Sample> Moments<T> {
     }
 
     pub(super) fn work(&self) -> usize {
-        self.tables.shape.cost(self.tables.orders.len()).ceil() as usize
+        let (shared, each) = self.tables.shape.cost;
+        let registers = shared + each * self.tables.orders.len() as f64;
+        (registers * T::LANES as f64).ceil() as usize
     }
 
     /// The factor of the error bound.
@@ -73,8 +85,8 @@ impl<T: Sample> Moments<T> {
         scratch: &mut Scratch<T>,
     ) -> Result<(), Error> {
         let room = &mut scratch.moments;
-        room.prepare_row(&self.tables)?;
-        Row { moments: self, x, first, origin, outs, room }.run();
+        room.prepare(&self.tables, 1, self.tables.stride)?;
+        Arch::new().dispatch(Run { moments: self, x, unit: 1, first, origin, outs, room });
         Ok(())
     }
 
@@ -85,12 +97,9 @@ impl<T: Sample> Moments<T> {
         outs: &mut [&mut [T]],
         scratch: &mut Scratch<T>,
     ) -> Result<(), Error> {
-        let group = self.tables.shape.group_length();
-        let outputs = outs.first().map_or(0, |out| out.len()) / T::LANES;
-        let lead = origin.rem_euclid(group.cast_signed()).cast_unsigned();
         let room = &mut scratch.moments;
-        room.prepare_columns(&self.tables, (lead + outputs).div_ceil(group))?;
-        Columns { moments: self, x, lead, outs, room }.run();
+        room.prepare(&self.tables, T::LANES, self.tables.shape.moments * T::LANES)?;
+        Arch::new().dispatch(Rows(Run { moments: self, x, unit: T::LANES, first: 0, origin, outs, room }));
         Ok(())
     }
 }

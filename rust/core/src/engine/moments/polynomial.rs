@@ -7,7 +7,7 @@ use crate::jacobi::{Jacobi, Recurrence};
 /// Moments of a block, at most: beyond, the basis costs more than the products that it saves.
 pub const MOMENTS: usize = 12;
 
-/// Taps, at least: three of the shortest blocks.
+/// Taps, at least.
 const SHORTEST: usize = 24;
 
 /// Taps may differ from a polynomial by this much of the largest: the rounding of the weights themselves, which grows with
@@ -130,36 +130,26 @@ impl Legendre {
         self.recurrence.values(tau)
     }
 
-    /// For every distance l the matrix of `W(l length + length (tau - tau'))` in the polynomials of tau (rows: the samples)
-    /// and tau' (columns: the outputs).
-    pub fn matrices(
-        &self,
-        polynomial: &Polynomial,
-        length: usize,
-        distances: impl Iterator<Item = usize>,
-    ) -> Result<Vec<f64>, Error> {
-        let mut matrices = Vec::new();
-        let square = self.moments * self.moments;
-        for distance in distances {
-            matrices.try_reserve(square).map_err(|_| Error::Memory { bytes: square * size_of::<f64>() })?;
-            let start = matrices.len();
-            matrices.resize(start + square, 0.0);
-            let matrix = &mut matrices[start..];
-            for (sample, rows) in &self.nodes {
-                let mut half = vec![0.0; self.moments];
-                for (output, columns) in &self.nodes {
-                    let value = polynomial.at(length as f64 * (distance as f64 + sample - output));
-                    half.iter_mut().zip(columns).for_each(|(half, column)| *half += value * column);
-                }
-                for (row, weight) in matrix.chunks_mut(self.moments).zip(rows) {
-                    row.iter_mut().zip(&half).for_each(|(entry, half)| *entry += weight * half);
-                }
+    /// Appends the matrix of `W(offset + from tau - to tau')` in the polynomials of tau (rows: the samples) and tau'
+    /// (columns: the outputs), its rows `stride` apart.
+    pub fn matrix(&self, polynomial: &Polynomial, offset: f64, [from, to]: [f64; 2], stride: usize, to_end: &mut Vec<f64>) {
+        let start = to_end.len();
+        to_end.resize(start + self.moments * stride, 0.0);
+        let mut half = vec![0.0; self.moments];
+        for (sample, rows) in &self.nodes {
+            half.fill(0.0);
+            for (output, columns) in &self.nodes {
+                let value = polynomial.at(offset + from * sample - to * output);
+                half.iter_mut().zip(columns).for_each(|(half, column)| *half += value * column);
+            }
+            for (row, weight) in to_end[start..].chunks_mut(stride).zip(rows) {
+                row.iter_mut().zip(&half).for_each(|(entry, half)| *entry += weight * half);
             }
         }
-        Ok(matrices)
     }
 
-    /// The polynomials of a group on its block `block`: entry (d', d) is the part of `p_d'` of the block in `p_d` of the group.
+    /// The polynomials of a group of `group` blocks on its block `block`: entry (d', d) is the part of `p_d'` of the block in
+    /// `p_d` of the group.
     pub fn lift(&self, block: usize, group: usize) -> Vec<f64> {
         let mut matrix = vec![0.0; self.moments * self.moments];
         for (tau, parts) in &self.nodes {

@@ -1,0 +1,36 @@
+//! How samples, moments and outputs lie in registers.
+
+use super::super::Sample;
+use super::design::{Order, Tables};
+
+/// A way to lay them: a row along the registers, or neighbouring rows across. Both form the same sums in the same order.
+///
+/// The moments, or coefficients, of a block are `width` values.
+pub trait Lay<T: Sample>: Copy {
+    /// Values of the moments of a block.
+    fn width(self, tables: &Tables<T>) -> usize;
+    /// The moments of the first blocks of `samples`, as many as `moments` has room for.
+    fn moments(self, tables: &Tables<T>, samples: &[T], moments: &mut [T]);
+    /// `to = matrix from`.
+    fn product(self, tables: &Tables<T>, matrix: &[T], from: &[T], to: &mut [T]);
+    /// `to += matrix from`.
+    fn accumulate(self, tables: &Tables<T>, matrix: &[T], from: &[T], to: &mut [T]);
+    /// `to += from`.
+    fn add(self, tables: &Tables<T>, to: &mut [T], from: &[T]);
+    /// `sum` to `own`, and the sum of both to `sum`.
+    fn exchange(self, tables: &Tables<T>, own: &mut [T], sum: &mut [T]);
+    /// The coefficients of blocks from the moments of those after each, without groups; `moments` starts with those of the
+    /// block after the first.
+    fn blocks(self, tables: &Tables<T>, order: &Order<T>, moments: &[T], coefficients: &mut [T]);
+    /// The outputs of blocks, times `scale`, as many as there are coefficients for; `samples` are those of the blocks, and
+    /// those after the whole blocks of the first.
+    fn outputs(
+        self,
+        tables: &Tables<T>,
+        order: &Order<T>,
+        samples: [&[T]; 2],
+        coefficients: &[T],
+        scale: T,
+        out: &mut [T],
+    );
+}

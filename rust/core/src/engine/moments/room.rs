@@ -1,0 +1,150 @@
+//! A thread's own memory.
+
+use super::super::Sample;
+use super::design::Tables;
+use super::run::STEP;
+use crate::error::{Error, at_least, resize};
+
+/// Samples that are formed between two moves of what is left of the stream, at least.
+const PIECE: usize = 2048;
+
+/// Samples up to which a window and what is formed around it is kept in one piece.
+const JOINED: usize = 1 << 13;
+
+/// A block: its group, counted from that of the first, and its number there.
+#[derive(Debug, Clone, Copy)]
+pub struct Place {
+    pub group: usize,
+    pub index: usize,
+}
+
+impl Place {
+    /// The block `count` blocks on, with `group` of them in a group, a power of two.
+    pub fn after(self, count: usize, group: usize) -> Self {
+        let index = self.index + count;
+        Self { group: self.group + (index >> group.trailing_zeros()), index: index & (group - 1) }
+    }
+}
+
+/// A part of the stream.
+#[derive(Debug, Default)]
+pub struct Line<T> {
+    values: Vec<T>,
+    start: isize,
+    end: isize,
+}
+
+impl<T: Sample> Line<T> {
+    /// Forms samples up to `until`; those before `from` are no longer needed.
+    pub fn bring(&mut self, unit: usize, from: isize, until: isize, form: impl Fn(isize, &mut [T])) {
+        if until <= self.end {
+            return;
+        }
+        if (until - self.start).cast_unsigned() * unit > self.values.len() {
+            let [from, end] = [from.min(self.end), self.end].map(|at| (at - self.start).cast_unsigned() * unit);
+            self.values.copy_within(from..end, 0);
+            self.start += (from / unit).cast_signed();
+        }
+        let [end, until_here] = [self.end, until].map(|at| (at - self.start).cast_unsigned() * unit);
+        form(self.end, &mut self.values[end..until_here]);
+        self.end = until;
+    }
+
+    /// The samples from `place` on.
+    pub fn from(&self, unit: usize, place: isize) -> &[T] {
+        &self.values[(place - self.start).cast_unsigned() * unit..]
+    }
+}
+
+/// Values that come one after the other, of which the last are needed.
+#[derive(Debug, Default)]
+pub struct Tail<T> {
+    values: Vec<T>,
+    end: usize,
+}
+
+impl<T: Sample> Tail<T> {
+    /// Room for the next `count` values; `kept` before them stay.
+    pub fn next(&mut self, count: usize, kept: usize) -> &mut [T] {
+        if self.end + count > self.values.len() {
+            let from = self.end.saturating_sub(kept);
+            self.values.copy_within(from..self.end, 0);
+            self.end -= from;
+        }
+        self.end += count;
+        &mut self.values[self.end - count..self.end]
+    }
+
+    /// The last `count` values.
+    pub fn last(&self, count: usize) -> &[T] {
+        &self.values[self.end - count..self.end]
+    }
+}
+
+/// A thread's own memory.
+#[derive(Debug, Default)]
+pub struct Room<T> {
+    /// The stream where windows start, unless one piece holds both, and where their whole blocks end.
+    pub near: Line<T>,
+    pub far: Line<T>,
+    pub joined: bool,
+    /// Moments of blocks where there are no groups.
+    pub plain: Tail<T>,
+    /// Moments of the blocks of a step.
+    pub fresh: Vec<T>,
+    /// Groups that are held at a time. For every block of each its part of the group's moments; once the group is complete,
+    /// the sums over the blocks after it.
+    pub slots: usize,
+    pub lifted: Vec<T>,
+    /// Moments of the groups, and of the one that is being formed.
+    pub totals: Vec<T>,
+    pub running: Vec<T>,
+    /// Of the group in which the whole blocks end for every block of a step.
+    pub prefix: Vec<T>,
+    /// What whole groups add to the outputs of a group, for every order.
+    pub whole: Vec<T>,
+    pub term: Vec<T>,
+    pub coefficients: Vec<T>,
+    /// Outputs of a step that are not all wanted.
+    pub spare: Vec<T>,
+}
+
+impl<T: Sample> Room<T> {
+    /// Room for samples of `unit` values, and moments of a block of `width`.
+    pub fn prepare(&mut self, tables: &Tables<T>, unit: usize, width: usize) -> Result<(), Error> {
+        let shape = tables.shape;
+        let step = STEP * shape.block;
+        // A step, what warms up before it, and what is formed at a time.
+        let span = 3 * step + (shape.whole + 1) * shape.block + shape.reach;
+        self.joined = span <= JOINED;
+        let (near, far) = if self.joined { (0, span + span.max(PIECE)) } else { (step + PIECE, 4 * step + PIECE) };
+        fit(&mut self.near.values, near * unit)?;
+        fit(&mut self.far.values, far * unit)?;
+        fit(&mut self.spare, step * unit)?;
+        fit(&mut self.coefficients, STEP * width)?;
+        let Some(group) = shape.group else {
+            self.plain.end = 0;
+            return fit(&mut self.plain.values, (shape.whole + 32 * STEP) * width);
+        };
+        self.slots = (shape.whole + 2 * STEP) / group + 3;
+        fit(&mut self.fresh, STEP * width)?;
+        fit(&mut self.lifted, self.slots * group * width)?;
+        fit(&mut self.totals, self.slots * width)?;
+        fit(&mut self.running, width)?;
+        fit(&mut self.prefix, STEP * width)?;
+        fit(&mut self.whole, tables.orders.len() * width)?;
+        fit(&mut self.term, width)
+    }
+
+    /// Forgets the stream: it goes on at `near` and `far`.
+    pub fn restart(&mut self, near: isize, far: isize) {
+        let far = if self.joined { near.min(far) } else { far };
+        (self.near.start, self.near.end) = (near, near);
+        (self.far.start, self.far.end) = (far, far);
+    }
+}
+
+/// Sets the length; what the buffer holds does not matter.
+fn fit<T: Sample>(buffer: &mut Vec<T>, length: usize) -> Result<(), Error> {
+    if buffer.len() > length { resize(buffer, length) } else { at_least(buffer, length) }
+}

@@ -1,0 +1,234 @@
+//! One run: block after block, with the moments that its windows need ahead of it.
+
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
+)]
+
+use super::super::Sample;
+use super::super::prefetch::prefetch;
+use super::super::stream::{rescale, stream};
+use super::Moments;
+use super::design::{Order, Shape, Tables};
+use super::lay::Lay;
+use super::room::{Place, Room};
+
+/// Blocks that are worked on at a time.
+pub const STEP: usize = 8;
+
+/// Bytes that are asked for before they are needed.
+const AHEAD: usize = 4096;
+
+/// What is to be computed: `x[0]`, a sample of `unit` values, is the sample `origin` of its row; the windows of the outputs
+/// start at sample `first` of x and on.
+pub struct Run<'a, 'o, T: Sample> {
+    pub moments: &'a Moments<T>,
+    pub x: &'a [T],
+    pub unit: usize,
+    pub first: usize,
+    pub origin: isize,
+    pub outs: &'a mut [&'o mut [T]],
+    pub room: &'a mut Room<T>,
+}
+
+impl<T: Sample> Run<'_, '_, T> {
+    #[inline(always)]
+    pub fn go<L: Lay<T>>(mut self, lay: L) {
+        let shape = self.moments.tables.shape;
+        let block = shape.block.cast_signed();
+        let window = self.origin + self.first.cast_signed();
+        let lead = window.rem_euclid(block).cast_unsigned();
+        // Where the block of the first window starts in x, and in its group.
+        let start = self.first.cast_signed() - lead.cast_signed();
+        let phase = window.div_euclid(block).rem_euclid(shape.group.unwrap_or(1).cast_signed()).cast_unsigned();
+        let outputs = self.outs.first().map_or(0, |out| out.len() / self.unit);
+        self.warm_up(lay, start, phase);
+        let mut near = Place { group: 0, index: phase };
+        for step in 0..(lead + outputs).div_ceil(STEP * shape.block) {
+            let here = start + (step * STEP * shape.block).cast_signed();
+            self.ask_ahead(here);
+            self.bring(here);
+            if shape.whole > 0 {
+                self.feed(lay, here, (shape.whole + step * STEP).cast_signed(), phase);
+            }
+            self.deliver(lay, here, step == 0, near, lead, step * STEP * shape.block);
+            near = near.after(STEP, shape.group.unwrap_or(1));
+        }
+    }
+
+    /// The moments of the blocks before those that come with the first outputs.
+    #[inline(always)]
+    fn warm_up<L: Lay<T>>(&mut self, lay: L, start: isize, phase: usize) {
+        let shape = self.moments.tables.shape;
+        let block = shape.block.cast_signed();
+        let steps = shape.whole.saturating_sub(1).div_ceil(STEP).cast_signed();
+        let first = shape.whole.cast_signed() - steps * STEP.cast_signed();
+        self.room.restart(start, start + first * block);
+        for number in (0..steps).map(|step| first + step * STEP.cast_signed()) {
+            let here = start + (number - shape.whole.cast_signed()) * block;
+            let from = start.min(start + number * block);
+            let Self { moments: Moments { on_differences, .. }, x, unit, room, .. } = self;
+            let form = |at, to: &mut [T]| stream(x, *unit, *on_differences, at, to);
+            room.far.bring(*unit, from, start + (number + STEP.cast_signed()) * block, form);
+            self.feed(lay, here, number, phase);
+        }
+    }
+
+    /// Asks for what the steps after the next will read and write.
+    #[inline(always)]
+    fn ask_ahead(&self, here: isize) {
+        let Shape { block, whole, reach, .. } = self.moments.tables.shape;
+        let (count, ahead) = (STEP * block * self.unit, AHEAD / size_of::<T>());
+        let at = |place: isize| (place.max(0).cast_unsigned() * self.unit).saturating_add(ahead);
+        prefetch(self.x, at(here + ((whole + 1 + STEP) * block + reach).cast_signed()), count);
+        if !self.room.joined {
+            prefetch(self.x, at(here), count);
+        }
+        for out in self.outs.iter() {
+            prefetch(out, at(here - self.first.cast_signed()), count);
+        }
+    }
+
+    /// The stream that the step at `here` reads.
+    #[inline(always)]
+    fn bring(&mut self, here: isize) {
+        let Self { moments: Moments { tables, on_differences, .. }, x, unit, room, .. } = self;
+        let Shape { block, whole, reach, .. } = tables.shape;
+        let form = |at, to: &mut [T]| stream(x, *unit, *on_differences, at, to);
+        let (step, whole) = ((STEP * block).cast_signed(), (whole * block).cast_signed());
+        let until = here + whole + block.cast_signed() + step + reach.cast_signed();
+        let from = if room.joined { here } else { here + whole };
+        room.far.bring(*unit, from, until, form);
+        if !room.joined {
+            room.near.bring(*unit, here, here + step, form);
+        }
+    }
+
+    /// The moments of the blocks from `number` on, counted from that of the first output, and what follows from them; `here`
+    /// is where the outputs start that need the first of them as their last.
+    #[inline(always)]
+    fn feed<L: Lay<T>>(&mut self, lay: L, here: isize, number: isize, phase: usize) {
+        let Self { moments: Moments { tables, .. }, unit, room, .. } = self;
+        let shape = tables.shape;
+        let width = lay.width(tables);
+        let at = here + (shape.whole * shape.block).cast_signed();
+        let Some(group) = shape.group else {
+            let moments = room.plain.next(STEP * width, shape.whole * width);
+            lay.moments(tables, room.far.from(*unit, at), moments);
+            return;
+        };
+        lay.moments(tables, room.far.from(*unit, at), &mut room.fresh);
+        let matrix = shape.moments * tables.stride;
+        for (k, moments) in room.fresh.chunks_exact(width).enumerate() {
+            let number = number + k.cast_signed();
+            // Blocks that no window holds.
+            if number < 1 {
+                continue;
+            }
+            let place = Place { group: 0, index: phase }.after(number.cast_unsigned(), group);
+            let slot = place.group % room.slots;
+            let lifted = &mut room.lifted[slot * group * width..][..group * width];
+            let own = &mut lifted[place.index * width..][..width];
+            lay.product(tables, &tables.lift[place.index * matrix..], moments, own);
+            if place.index == 0 {
+                room.running.fill(T::default());
+            }
+            lay.add(tables, &mut room.running, own);
+            let prefix = &mut room.prefix[k * width..][..width];
+            if place.index + 1 < group {
+                prefix.copy_from_slice(&room.running);
+                continue;
+            }
+            // The group is complete, and no beginning of the next one is held.
+            prefix.fill(T::default());
+            room.totals[slot * width..][..width].copy_from_slice(&room.running);
+            room.running.fill(T::default());
+            for own in lifted.chunks_exact_mut(width).rev() {
+                lay.exchange(tables, own, &mut room.running);
+            }
+        }
+    }
+
+    /// The outputs of the step at `here`, number `done` and on from the start of the first block.
+    #[inline(always)]
+    fn deliver<L: Lay<T>>(&mut self, lay: L, here: isize, first: bool, near: Place, lead: usize, done: usize) {
+        let Self { moments: Moments { tables, .. }, x, unit, outs, room, first: window, .. } = self;
+        let shape = tables.shape;
+        let length = STEP * shape.block * *unit;
+        for (number, (order, out)) in tables.orders.iter().zip(outs.iter_mut()).enumerate() {
+            coefficients(lay, tables, order, number, room, near, first);
+            let after = (here + ((shape.whole + 1) * shape.block).cast_signed(), &room.far);
+            let samples = (if room.joined { &room.far } else { &room.near }).from(*unit, here);
+            let further = after.1.from(*unit, after.0);
+            let own = T::from_f64(order.scale);
+            let exact = own.to_f64() == order.scale;
+            let scale = if exact { own } else { T::from_f64(1.0) };
+            // The part of the step that is wanted.
+            let from = (lead.max(done) - done) * *unit;
+            let until = length.min((lead * *unit + out.len()).saturating_sub(done * *unit));
+            let place = (done + from / *unit - lead) * *unit;
+            let wanted = &mut out[place..place + until - from];
+            if wanted.len() == length {
+                lay.outputs(tables, order, [samples, further], &room.coefficients, scale, wanted);
+            } else {
+                lay.outputs(tables, order, [samples, further], &room.coefficients, scale, &mut room.spare);
+                wanted.copy_from_slice(&room.spare[from..until]);
+            }
+            if !exact {
+                rescale(wanted, order.scale);
+            }
+            if let Some(anchor) = order.anchor {
+                let x = &x[(*window + anchor) * *unit + place..];
+                wanted.iter_mut().zip(x).for_each(|(out, sample)| *out = *out + *sample);
+            }
+        }
+    }
+}
+
+/// The coefficients of the outputs of a step, whose first block is `near`.
+#[inline(always)]
+fn coefficients<T: Sample, L: Lay<T>>(
+    lay: L,
+    tables: &Tables<T>,
+    order: &Order<T>,
+    number: usize,
+    room: &mut Room<T>,
+    near: Place,
+    first: bool,
+) {
+    let shape = tables.shape;
+    let width = lay.width(tables);
+    if shape.whole == 0 {
+        return;
+    }
+    let Some(group) = shape.group else {
+        return lay.blocks(tables, order, room.plain.last((shape.whole + STEP - 1) * width), &mut room.coefficients);
+    };
+    let matrix = shape.moments * tables.stride;
+    let any = shape.between(group, group - 1) > 0;
+    for k in 0..STEP {
+        let place = near.after(k, group);
+        let (slot, at) = (place.group % room.slots, place.index * matrix);
+        let own = &mut room.coefficients[k * width..][..width];
+        lay.product(tables, &order.near[at..], &room.lifted[(slot * group + place.index) * width..], own);
+        if any {
+            let whole = &mut room.whole[number * width..][..width];
+            let between = shape.between(group, place.index);
+            let known = if place.index == 0 || (first && k == 0) {
+                whole.fill(T::default());
+                0
+            } else {
+                shape.between(group, place.index - 1)
+            };
+            for distance in known..between {
+                let slot = (place.group + distance + 1) % room.slots;
+                let groups = &order.groups[distance * matrix..];
+                lay.accumulate(tables, groups, &room.totals[slot * width..], whole);
+            }
+            lay.product(tables, &tables.restrict[at..], whole, &mut room.term);
+            lay.add(tables, own, &room.term);
+        }
+        lay.product(tables, &order.far[at..], &room.prefix[k * width..], &mut room.term);
+        lay.add(tables, own, &room.term);
+    }
+}
