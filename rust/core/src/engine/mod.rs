@@ -18,6 +18,7 @@ macro_rules! with_registers {
     };
 }
 
+mod buffer;
 pub mod choice;
 pub mod direct;
 pub mod fft;
@@ -125,7 +126,7 @@ impl<T: Sample> Runner<T> {
     pub fn grid(&self) -> usize {
         match self {
             Self::Direct(_) => 1,
-            Self::Moments(moments) => moments.shape().block,
+            Self::Moments(moments) => moments.grid(),
             Self::Fft(fft) => fft.grid(),
         }
     }

@@ -210,15 +210,6 @@ impl<T: Sample, S: Simd, const R: usize> Lay<T> for Across<T, S, R> {
     #[inline(always)]
     fn product(self, tables: &Tables<T>, matrix: &[T], from: &[T], to: &mut [T]) {
         by_parts!(tables.shape.moments, |first, Q| {
-            let mut sums = [self.zero; Q];
-            self.apply(tables, &mut sums, matrix, from, first);
-            put::<T, S, R>(&sums, &mut to[first * T::LANES..]);
-        });
-    }
-
-    #[inline(always)]
-    fn accumulate(self, tables: &Tables<T>, matrix: &[T], from: &[T], to: &mut [T]) {
-        by_parts!(tables.shape.moments, |first, Q| {
             let to = &mut to[first * T::LANES..];
             let mut sums = [self.zero; Q];
             for (sum, to) in sums.iter_mut().zip(to.chunks_exact(T::LANES)) {
@@ -230,21 +221,35 @@ impl<T: Sample, S: Simd, const R: usize> Lay<T> for Across<T, S, R> {
     }
 
     #[inline(always)]
-    fn add(self, tables: &Tables<T>, to: &mut [T], from: &[T]) {
-        let length = tables.shape.moments * T::LANES;
-        let (to, from) = (T::registers_mut::<S>(&mut to[..length]), T::registers::<S>(&from[..length]));
-        for (to, from) in to.iter_mut().zip(from) {
-            *to = T::plus(self.simd, *to, *from);
+    fn products(self, tables: &Tables<T>, matrices: &[T], from: &[T], to: &mut [T]) {
+        let (width, matrix) = (self.width(tables), tables.shape.moments * tables.stride);
+        let blocks = from.chunks_exact(width).zip(to.chunks_exact_mut(width));
+        for ((from, to), matrix) in blocks.zip(matrices.chunks_exact(matrix)) {
+            self.product(tables, matrix, from, to);
         }
     }
 
     #[inline(always)]
-    fn exchange(self, tables: &Tables<T>, own: &mut [T], sum: &mut [T]) {
-        let length = tables.shape.moments * T::LANES;
-        let (own, sum) = (T::registers_mut::<S>(&mut own[..length]), T::registers_mut::<S>(&mut sum[..length]));
-        for (own, sum) in own.iter_mut().zip(sum) {
-            let both = T::plus(self.simd, *sum, *own);
-            *own = std::mem::replace(sum, both);
+    fn run_up(self, _tables: &Tables<T>, values: &[T], running: &mut [T], sums: &mut [T]) {
+        let width = running.len();
+        for (values, sums) in values.chunks_exact(width).zip(sums.chunks_exact_mut(width)) {
+            for ((running, value), sum) in running.iter_mut().zip(values).zip(sums) {
+                *running = *running + *value;
+                *sum = *running;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn run_down(self, tables: &Tables<T>, values: &mut [T]) {
+        let width = self.width(tables) / T::LANES * R;
+        let values = T::registers_mut::<S>(values);
+        for column in 0..width {
+            let mut sum = self.zero[0];
+            for value in values[column..].iter_mut().step_by(width).rev() {
+                let both = T::plus(self.simd, sum, *value);
+                *value = std::mem::replace(&mut sum, both);
+            }
         }
     }
 

@@ -4,6 +4,7 @@
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
 )]
+#![expect(clippy::needless_range_loop, reason = "sums stay in registers where all indices are known when compiled")]
 
 use pulp::{Simd, WithSimd};
 
@@ -93,10 +94,10 @@ impl<T: Sample, S: Simd, const V: usize, const N: usize> Along<T, S, V, N> {
         let mut held = *sums;
         for (at, row) in rows.chunks_exact(V).enumerate() {
             let values = &values[at..][..(N - 1) * step + 1];
-            for (block, sums) in held.iter_mut().enumerate() {
-                let value = T::splat(self.simd, values[block * step]);
-                for (sum, row) in sums.iter_mut().zip(row) {
-                    *sum = self.fused(value, *row, *sum);
+            for n in 0..N {
+                let value = T::splat(self.simd, values[n * step]);
+                for v in 0..V {
+                    held[n][v] = self.fused(value, row[v], held[n][v]);
                 }
             }
         }
@@ -119,19 +120,16 @@ impl<T: Sample, S: Simd, const V: usize, const N: usize> Along<T, S, V, N> {
             let at = middle * Self::LANES + lane;
             let row = &rows[at * V..][..V];
             let (near, far) = (&near[at..][..most], &far[at..][..most]);
-            for (block, sums) in held.iter_mut().enumerate() {
-                let near = T::splat(self.simd, near[block * Self::BLOCK]);
-                let far = T::splat(self.simd, far[block * Self::BLOCK]);
+            for n in 0..N {
+                let near = T::splat(self.simd, near[n * Self::BLOCK]);
+                let far = T::splat(self.simd, far[n * Self::BLOCK]);
+                for v in 0..middle {
+                    held[n][v] = self.fused(near, row[v], held[n][v]);
+                }
                 let both = T::choose(self.simd, *mask, near, far);
-                for (register, (sum, row)) in sums.iter_mut().zip(row).enumerate() {
-                    let sample = if register < middle {
-                        near
-                    } else if register == middle {
-                        both
-                    } else {
-                        far
-                    };
-                    *sum = self.fused(sample, *row, *sum);
+                held[n][middle] = self.fused(both, row[middle], held[n][middle]);
+                for v in middle + 1..V {
+                    held[n][v] = self.fused(far, row[v], held[n][v]);
                 }
             }
         }
@@ -191,51 +189,77 @@ impl<T: Sample, S: Simd, const V: usize, const N: usize> Lay<T> for Along<T, S, 
             for at in 0..Self::BLOCK {
                 let row = basis[at * wide + register];
                 let samples = &samples[at..][..(TOGETHER - 1) * Self::BLOCK + 1];
-                for (block, sum) in sums.iter_mut().enumerate() {
-                    *sum = self.fused(T::splat(self.simd, samples[block * Self::BLOCK]), row, *sum);
+                for n in 0..TOGETHER {
+                    sums[n] = self.fused(T::splat(self.simd, samples[n * Self::BLOCK]), row, sums[n]);
                 }
             }
-            for (block, sum) in sums.iter().enumerate() {
-                moments[block * wide + register] = *sum;
+            for n in 0..TOGETHER {
+                moments[n * wide + register] = sums[n];
             }
         }
     }
 
     #[inline(always)]
     fn product(self, tables: &Tables<T>, matrix: &[T], from: &[T], to: &mut [T]) {
-        to.fill(T::default());
-        self.accumulate(tables, matrix, from, to);
-    }
-
-    #[inline(always)]
-    fn accumulate(self, tables: &Tables<T>, matrix: &[T], from: &[T], to: &mut [T]) {
-        let wide = tables.stride / Self::LANES;
-        let rows = T::registers::<S>(&matrix[..tables.shape.moments * tables.stride]);
-        let to = T::registers_mut::<S>(&mut to[..tables.stride]);
-        for (register, to) in to.iter_mut().enumerate().take(Self::registers(tables)) {
-            let mut sum = *to;
-            for (row, value) in rows.chunks_exact(wide).zip(from) {
-                sum = self.fused(T::splat(self.simd, *value), row[register], sum);
+        let (count, wide) = (tables.shape.moments, tables.stride / Self::LANES);
+        let rows = &T::registers::<S>(matrix)[..count * wide];
+        let to = &mut T::registers_mut::<S>(to)[..wide];
+        for register in 0..Self::registers(tables) {
+            let mut sum = to[register];
+            for (row, value) in rows[register..].iter().step_by(wide).zip(from) {
+                sum = self.fused(T::splat(self.simd, *value), *row, sum);
             }
-            *to = sum;
+            to[register] = sum;
         }
     }
 
     #[inline(always)]
-    fn add(self, tables: &Tables<T>, to: &mut [T], from: &[T]) {
-        let (to, from) = (T::registers_mut::<S>(&mut to[..tables.stride]), T::registers::<S>(&from[..tables.stride]));
-        for (to, from) in to.iter_mut().zip(from).take(Self::registers(tables)) {
-            *to = T::plus(self.simd, *to, *from);
+    fn products(self, tables: &Tables<T>, matrices: &[T], from: &[T], to: &mut [T]) {
+        let (stride, count, wide) = (tables.stride, tables.shape.moments, tables.stride / Self::LANES);
+        let rows = &T::registers::<S>(matrices)[..STEP * count * wide];
+        let to = &mut T::registers_mut::<S>(to)[..STEP * wide];
+        for register in 0..Self::registers(tables) {
+            let mut sums = [self.zero(); STEP];
+            for n in 0..STEP {
+                sums[n] = to[n * wide + register];
+            }
+            for d in 0..count {
+                let rows = &rows[d * wide + register..][..(STEP - 1) * count * wide + 1];
+                let values = &from[d..][..(STEP - 1) * stride + 1];
+                for n in 0..STEP {
+                    sums[n] = self.fused(T::splat(self.simd, values[n * stride]), rows[n * count * wide], sums[n]);
+                }
+            }
+            for n in 0..STEP {
+                to[n * wide + register] = sums[n];
+            }
         }
     }
 
     #[inline(always)]
-    fn exchange(self, tables: &Tables<T>, own: &mut [T], sum: &mut [T]) {
-        let own = T::registers_mut::<S>(&mut own[..tables.stride]);
-        let sum = T::registers_mut::<S>(&mut sum[..tables.stride]);
-        for (own, sum) in own.iter_mut().zip(sum).take(Self::registers(tables)) {
-            let both = T::plus(self.simd, *sum, *own);
-            *own = std::mem::replace(sum, both);
+    fn run_up(self, tables: &Tables<T>, values: &[T], running: &mut [T], sums: &mut [T]) {
+        let wide = tables.stride / Self::LANES;
+        let (values, sums) = (T::registers::<S>(values), T::registers_mut::<S>(sums));
+        for (register, running) in T::registers_mut::<S>(running).iter_mut().enumerate() {
+            let mut sum = *running;
+            let values = values.iter().skip(register).step_by(wide);
+            for (value, to) in values.zip(sums.iter_mut().skip(register).step_by(wide)) {
+                sum = T::plus(self.simd, sum, *value);
+                *to = sum;
+            }
+            *running = sum;
+        }
+    }
+
+    #[inline(always)]
+    fn run_down(self, tables: &Tables<T>, values: &mut [T]) {
+        let wide = tables.stride / Self::LANES;
+        for register in 0..Self::registers(tables) {
+            let mut sum = self.zero();
+            for value in T::registers_mut::<S>(values)[register..].iter_mut().step_by(wide).rev() {
+                let both = T::plus(self.simd, sum, *value);
+                *value = std::mem::replace(&mut sum, both);
+            }
         }
     }
 
@@ -250,14 +274,14 @@ impl<T: Sample, S: Simd, const V: usize, const N: usize> Lay<T> for Along<T, S, 
             for (distance, rows) in rows.chunks_exact(count * wide).enumerate() {
                 let moments = &moments[distance * stride..][..STEP * stride];
                 for (d, row) in rows.chunks_exact(wide).enumerate() {
-                    for (block, sum) in sums.iter_mut().enumerate() {
-                        let moment = T::splat(self.simd, moments[block * stride + d]);
-                        *sum = self.fused(moment, row[register], *sum);
+                    let moments = &moments[d..][..(STEP - 1) * stride + 1];
+                    for n in 0..STEP {
+                        sums[n] = self.fused(T::splat(self.simd, moments[n * stride]), row[register], sums[n]);
                     }
                 }
             }
-            for (block, sum) in sums.iter().enumerate() {
-                coefficients[block * wide + register] = *sum;
+            for n in 0..STEP {
+                coefficients[n * wide + register] = sums[n];
             }
         }
     }

@@ -1,6 +1,8 @@
 //! What is decided before the first sample: the degree, the blocks, and the tables.
 
+use super::super::buffer::Buffer;
 use super::super::{Sample, Taps};
+use super::run::STEP;
 use super::polynomial::{Legendre, Polynomial, Smooth, polynomials};
 use crate::error::{Error, try_vec};
 
@@ -54,7 +56,7 @@ impl Shape {
     fn for_polynomials(polynomials: &[(Smooth, Polynomial)], lanes: usize) -> Option<Self> {
         let moments = polynomials.iter().map(|(_, polynomial)| polynomial.coefficients.len()).max()?;
         let taps = polynomials.first()?.0.taps.len();
-        let groups = [None].into_iter().chain((2..=11).map(|octave| Some(1 << octave)));
+        let groups = [None].into_iter().chain((STEP.trailing_zeros()..=11).map(|octave| Some(1 << octave)));
         groups
             .flat_map(|group| BLOCKS.map(|block| Self::new(taps, block, moments, group, lanes)))
             .flatten()
@@ -104,20 +106,20 @@ fn growth(degree: usize, group: usize, whole: usize) -> f64 {
 /// One order's taps and matrices.
 #[derive(Debug)]
 pub struct Order<T> {
-    pub taps: Vec<T>,
+    pub taps: Buffer<T>,
     /// Taps of the outputs of a block, side by side: for the samples after the whole blocks that all windows hold, ...
-    pub rest: Vec<T>,
+    pub rest: Buffer<T>,
     /// ... and for sample k of the first block or, where the window starts after it, sample k after those.
-    pub ring: Vec<T>,
+    pub ring: Buffer<T>,
     pub scale: f64,
     pub anchor: Option<usize>,
     /// What the moments of blocks add to the coefficients of the outputs, a row for every moment: the blocks after the first;
     /// or, with groups, those to the end of the group, for every block of it, ...
-    pub near: Vec<T>,
+    pub near: Buffer<T>,
     /// ... those from the start of the group in which the whole blocks end, ...
-    pub far: Vec<T>,
+    pub far: Buffer<T>,
     /// ... and the whole groups between, for outputs of a whole group.
-    pub groups: Vec<T>,
+    pub groups: Buffer<T>,
 }
 
 /// What all orders share.
@@ -128,13 +130,14 @@ pub struct Tables<T> {
     /// Elements of a row of a matrix.
     pub stride: usize,
     /// `p_d` at the samples of a block: a row for every sample.
-    pub basis: Vec<T>,
+    pub basis: Buffer<T>,
     /// The same, a row for every d.
-    pub places: Vec<T>,
-    /// For every block of a group: what its moment d' adds to the group's moment d, a row for every d'.
-    pub lift: Vec<T>,
+    pub places: Buffer<T>,
+    /// For every block of a group, and once more for a step of them: what its moment d' adds to the group's moment d, a row for
+    /// every d'.
+    pub lift: Buffer<T>,
     /// For every block of a group: what the group's coefficient e adds to the block's e', a row for every e.
-    pub restrict: Vec<T>,
+    pub restrict: Buffer<T>,
     pub error_bound: f64,
 }
 
@@ -161,6 +164,7 @@ impl<T: Sample> Tables<T> {
         let places: Vec<f64> = (0..moments).flat_map(|d| values.iter().map(move |p| p[d])).collect();
         let group = shape.group.unwrap_or(0);
         let lift: Vec<Vec<f64>> = (0..group).map(|index| legendre.lift(index, group)).collect();
+        let around: Vec<Vec<f64>> = lift.iter().cycle().take(if group > 0 { group + STEP } else { 0 }).cloned().collect();
         let turned = |matrix: &Vec<f64>| -> Vec<f64> {
             (0..moments * moments).map(|at| matrix[at % moments * moments + at / moments]).collect()
         };
@@ -171,7 +175,7 @@ impl<T: Sample> Tables<T> {
             stride,
             basis: padded(&values.concat(), moments, stride)?,
             places: narrow(&places)?,
-            lift: padded(&lift.concat(), moments, stride)?,
+            lift: padded(&around.concat(), moments, stride)?,
             restrict: padded(&restrict.concat(), moments, stride)?,
             error_bound,
         }))
@@ -253,15 +257,15 @@ impl Matrices {
     }
 }
 
-fn narrow<T: Sample>(values: &[f64]) -> Result<Vec<T>, Error> {
-    let mut narrow = try_vec(values.len(), T::default())?;
+fn narrow<T: Sample>(values: &[f64]) -> Result<Buffer<T>, Error> {
+    let mut narrow = Buffer::new(values.len())?;
     narrow.iter_mut().zip(values).for_each(|(narrow, value)| *narrow = T::from_f64(*value));
     Ok(narrow)
 }
 
 /// Rows of `width` values, `stride` apart.
-fn padded<T: Sample>(values: &[f64], width: usize, stride: usize) -> Result<Vec<T>, Error> {
-    let mut padded = try_vec(values.len() / width * stride, T::default())?;
+fn padded<T: Sample>(values: &[f64], width: usize, stride: usize) -> Result<Buffer<T>, Error> {
+    let mut padded = Buffer::new(values.len() / width * stride)?;
     for (row, values) in padded.chunks_mut(stride).zip(values.chunks(width)) {
         row.iter_mut().zip(values).for_each(|(entry, value)| *entry = T::from_f64(*value));
     }

@@ -11,14 +11,14 @@ pub trait Lay<T: Sample>: Copy {
     fn width(self, tables: &Tables<T>) -> usize;
     /// The moments of the first blocks of `samples`, as many as `moments` has room for.
     fn moments(self, tables: &Tables<T>, samples: &[T], moments: &mut [T]);
-    /// `to = matrix from`.
-    fn product(self, tables: &Tables<T>, matrix: &[T], from: &[T], to: &mut [T]);
     /// `to += matrix from`.
-    fn accumulate(self, tables: &Tables<T>, matrix: &[T], from: &[T], to: &mut [T]);
-    /// `to += from`.
-    fn add(self, tables: &Tables<T>, to: &mut [T], from: &[T]);
-    /// `sum` to `own`, and the sum of both to `sum`.
-    fn exchange(self, tables: &Tables<T>, own: &mut [T], sum: &mut [T]);
+    fn product(self, tables: &Tables<T>, matrix: &[T], from: &[T], to: &mut [T]);
+    /// The same for each block of a step, with a matrix for each.
+    fn products(self, tables: &Tables<T>, matrices: &[T], from: &[T], to: &mut [T]);
+    /// The sums of `values` up to each of them, on top of `running`, which becomes the last one.
+    fn run_up(self, tables: &Tables<T>, values: &[T], running: &mut [T], sums: &mut [T]);
+    /// The sums of `values` after each of them, in their place.
+    fn run_down(self, tables: &Tables<T>, values: &mut [T]);
     /// The coefficients of blocks from the moments of those after each, without groups; `moments` starts with those of the
     /// block after the first.
     fn blocks(self, tables: &Tables<T>, order: &Order<T>, moments: &[T], coefficients: &mut [T]);

@@ -35,7 +35,7 @@ use across::Rows;
 pub use design::Shape;
 use design::Tables;
 pub use room::Room;
-use run::Run;
+use run::{Run, STEP};
 
 /// The taps of every order, and the tables that they share.
 #[derive(Debug)]
@@ -56,6 +56,11 @@ impl<T: Sample> Moments<T> {
 
     pub(super) fn span(&self) -> usize {
         self.span
+    }
+
+    /// The step of the grid on which outputs are computed.
+    pub(super) fn grid(&self) -> usize {
+        STEP * self.tables.shape.block
     }
 
     pub(super) fn work(&self) -> usize {

@@ -1,9 +1,10 @@
 //! A thread's own memory.
 
 use super::super::Sample;
+use super::super::buffer::Buffer;
 use super::design::Tables;
 use super::run::STEP;
-use crate::error::{Error, at_least, resize};
+use crate::error::Error;
 
 /// Samples that are formed between two moves of what is left of the stream, at least.
 const PIECE: usize = 2048;
@@ -29,7 +30,7 @@ impl Place {
 /// A part of the stream.
 #[derive(Debug, Default)]
 pub struct Line<T> {
-    values: Vec<T>,
+    values: Buffer<T>,
     start: isize,
     end: isize,
 }
@@ -59,7 +60,7 @@ impl<T: Sample> Line<T> {
 /// Values that come one after the other, of which the last are needed.
 #[derive(Debug, Default)]
 pub struct Tail<T> {
-    values: Vec<T>,
+    values: Buffer<T>,
     end: usize,
 }
 
@@ -90,23 +91,24 @@ pub struct Room<T> {
     pub joined: bool,
     /// Moments of blocks where there are no groups.
     pub plain: Tail<T>,
-    /// Moments of the blocks of a step.
-    pub fresh: Vec<T>,
+    /// Moments of the blocks of a step, and their parts of those of their groups.
+    pub fresh: Buffer<T>,
+    pub parts: Buffer<T>,
     /// Groups that are held at a time. For every block of each its part of the group's moments; once the group is complete,
     /// the sums over the blocks after it.
     pub slots: usize,
-    pub lifted: Vec<T>,
+    pub lifted: Buffer<T>,
     /// Moments of the groups, and of the one that is being formed.
-    pub totals: Vec<T>,
-    pub running: Vec<T>,
+    pub totals: Buffer<T>,
+    pub running: Buffer<T>,
     /// Of the group in which the whole blocks end for every block of a step.
-    pub prefix: Vec<T>,
-    /// What whole groups add to the outputs of a group, for every order.
-    pub whole: Vec<T>,
-    pub term: Vec<T>,
-    pub coefficients: Vec<T>,
+    pub prefix: Buffer<T>,
+    /// What whole groups add to the outputs of a group, for every order, and for the blocks of a step.
+    pub whole: Buffer<T>,
+    pub wholes: Buffer<T>,
+    pub coefficients: Buffer<T>,
     /// Outputs of a step that are not all wanted.
-    pub spare: Vec<T>,
+    pub spare: Buffer<T>,
 }
 
 impl<T: Sample> Room<T> {
@@ -118,22 +120,23 @@ impl<T: Sample> Room<T> {
         let span = 3 * step + (shape.whole + 1) * shape.block + shape.reach;
         self.joined = span <= JOINED;
         let (near, far) = if self.joined { (0, span + span.max(PIECE)) } else { (step + PIECE, 4 * step + PIECE) };
-        fit(&mut self.near.values, near * unit)?;
-        fit(&mut self.far.values, far * unit)?;
-        fit(&mut self.spare, step * unit)?;
-        fit(&mut self.coefficients, STEP * width)?;
+        self.near.values.fit(near * unit)?;
+        self.far.values.fit(far * unit)?;
+        self.spare.fit(step * unit)?;
+        self.coefficients.fit(STEP * width)?;
         let Some(group) = shape.group else {
             self.plain.end = 0;
-            return fit(&mut self.plain.values, (shape.whole + 32 * STEP) * width);
+            return self.plain.values.fit((shape.whole + 32 * STEP) * width);
         };
         self.slots = (shape.whole + 2 * STEP) / group + 3;
-        fit(&mut self.fresh, STEP * width)?;
-        fit(&mut self.lifted, self.slots * group * width)?;
-        fit(&mut self.totals, self.slots * width)?;
-        fit(&mut self.running, width)?;
-        fit(&mut self.prefix, STEP * width)?;
-        fit(&mut self.whole, tables.orders.len() * width)?;
-        fit(&mut self.term, width)
+        self.fresh.fit(STEP * width)?;
+        self.parts.fit(STEP * width)?;
+        self.lifted.fit(self.slots * group * width)?;
+        self.totals.fit(self.slots * width)?;
+        self.running.fit(width)?;
+        self.prefix.fit(STEP * width)?;
+        self.whole.fit(tables.orders.len() * width)?;
+        self.wholes.fit(STEP * width)
     }
 
     /// Forgets the stream: it goes on at `near` and `far`.
@@ -142,9 +145,4 @@ impl<T: Sample> Room<T> {
         (self.near.start, self.near.end) = (near, near);
         (self.far.start, self.far.end) = (far, far);
     }
-}
-
-/// Sets the length; what the buffer holds does not matter.
-fn fit<T: Sample>(buffer: &mut Vec<T>, length: usize) -> Result<(), Error> {
-    if buffer.len() > length { resize(buffer, length) } else { at_least(buffer, length) }
 }

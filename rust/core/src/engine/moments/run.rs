@@ -37,10 +37,10 @@ impl<T: Sample> Run<'_, '_, T> {
         let shape = self.moments.tables.shape;
         let block = shape.block.cast_signed();
         let window = self.origin + self.first.cast_signed();
-        let lead = window.rem_euclid(block).cast_unsigned();
-        // Where the block of the first window starts in x, and in its group.
+        let lead = window.rem_euclid(STEP.cast_signed() * block).cast_unsigned();
+        // Where the step of the first window starts in x, and in its group.
         let start = self.first.cast_signed() - lead.cast_signed();
-        let phase = window.div_euclid(block).rem_euclid(shape.group.unwrap_or(1).cast_signed()).cast_unsigned();
+        let phase = (window - lead.cast_signed()).div_euclid(block).rem_euclid(shape.group.unwrap_or(1).cast_signed()).cast_unsigned();
         let outputs = self.outs.first().map_or(0, |out| out.len() / self.unit);
         self.warm_up(lay, start, phase);
         let mut near = Place { group: 0, index: phase };
@@ -66,9 +66,10 @@ impl<T: Sample> Run<'_, '_, T> {
         self.room.restart(start, start + first * block);
         for number in (0..steps).map(|step| first + step * STEP.cast_signed()) {
             let here = start + (number - shape.whole.cast_signed()) * block;
-            let from = start.min(start + number * block);
             let Self { moments: Moments { on_differences, .. }, x, unit, room, .. } = self;
             let form = |at, to: &mut [T]| stream(x, *unit, *on_differences, at, to);
+            // Where one piece holds both, what the first outputs read as their own stays.
+            let from = start + if room.joined { number.min(0) } else { number } * block;
             room.far.bring(*unit, from, start + (number + STEP.cast_signed()) * block, form);
             self.feed(lay, here, number, phase);
         }
@@ -118,33 +119,28 @@ impl<T: Sample> Run<'_, '_, T> {
             return;
         };
         lay.moments(tables, room.far.from(*unit, at), &mut room.fresh);
-        let matrix = shape.moments * tables.stride;
-        for (k, moments) in room.fresh.chunks_exact(width).enumerate() {
-            let number = number + k.cast_signed();
-            // Blocks that no window holds.
-            if number < 1 {
-                continue;
-            }
-            let place = Place { group: 0, index: phase }.after(number.cast_unsigned(), group);
-            let slot = place.group % room.slots;
+        let (matrix, all) = (shape.moments * tables.stride, number + phase.cast_signed());
+        let place = Place { group: 0, index: all.rem_euclid(group.cast_signed()).cast_unsigned() };
+        room.parts.fill(T::default());
+        lay.products(tables, &tables.lift[place.index * matrix..], &room.fresh, &mut room.parts);
+        // The end of one group, which is then complete, and the beginning of the next.
+        let slot = |group: isize| group.rem_euclid(room.slots.cast_signed()).cast_unsigned();
+        let slots = [0, 1].map(|next| slot(all.div_euclid(group.cast_signed()) + next));
+        let until = STEP.min(group - place.index);
+        for (slot, part) in slots.into_iter().zip([0..until, until..STEP]) {
+            let start = (place.index + part.start) % group;
+            let complete = start + part.len() == group;
+            let blocks = part.start * width..part.end * width;
+            let (parts, sums) = (&room.parts[blocks.clone()], &mut room.prefix[blocks]);
+            lay.run_up(tables, parts, &mut room.running, sums);
             let lifted = &mut room.lifted[slot * group * width..][..group * width];
-            let own = &mut lifted[place.index * width..][..width];
-            lay.product(tables, &tables.lift[place.index * matrix..], moments, own);
-            if place.index == 0 {
+            lifted[start * width..][..parts.len()].copy_from_slice(parts);
+            if complete {
+                lay.run_down(tables, lifted);
+                room.totals[slot * width..][..width].copy_from_slice(&room.running);
                 room.running.fill(T::default());
-            }
-            lay.add(tables, &mut room.running, own);
-            let prefix = &mut room.prefix[k * width..][..width];
-            if place.index + 1 < group {
-                prefix.copy_from_slice(&room.running);
-                continue;
-            }
-            // The group is complete, and no beginning of the next one is held.
-            prefix.fill(T::default());
-            room.totals[slot * width..][..width].copy_from_slice(&room.running);
-            room.running.fill(T::default());
-            for own in lifted.chunks_exact_mut(width).rev() {
-                lay.exchange(tables, own, &mut room.running);
+                // Together with its last block a group is a whole one.
+                sums[(part.len() - 1) * width..].fill(T::default());
             }
         }
     }
@@ -204,31 +200,28 @@ fn coefficients<T: Sample, L: Lay<T>>(
     let Some(group) = shape.group else {
         return lay.blocks(tables, order, room.plain.last((shape.whole + STEP - 1) * width), &mut room.coefficients);
     };
-    let matrix = shape.moments * tables.stride;
-    let any = shape.between(group, group - 1) > 0;
-    for k in 0..STEP {
-        let place = near.after(k, group);
-        let (slot, at) = (place.group % room.slots, place.index * matrix);
-        let own = &mut room.coefficients[k * width..][..width];
-        lay.product(tables, &order.near[at..], &room.lifted[(slot * group + place.index) * width..], own);
-        if any {
-            let whole = &mut room.whole[number * width..][..width];
-            let between = shape.between(group, place.index);
-            let known = if place.index == 0 || (first && k == 0) {
-                whole.fill(T::default());
-                0
-            } else {
-                shape.between(group, place.index - 1)
-            };
-            for distance in known..between {
-                let slot = (place.group + distance + 1) % room.slots;
-                let groups = &order.groups[distance * matrix..];
-                lay.accumulate(tables, groups, &room.totals[slot * width..], whole);
-            }
-            lay.product(tables, &tables.restrict[at..], whole, &mut room.term);
-            lay.add(tables, own, &room.term);
+    let (matrix, slot) = (shape.moments * tables.stride, near.group % room.slots);
+    let from = near.index * matrix;
+    room.coefficients.fill(T::default());
+    let after = &room.lifted[(slot * group + near.index) * width..][..STEP * width];
+    lay.products(tables, &order.near[from..], after, &mut room.coefficients);
+    if shape.between(group, group - 1) > 0 {
+        let whole = &mut room.whole[number * width..][..width];
+        let mut known = if near.index == 0 { 0 } else { shape.between(group, near.index - 1) };
+        if near.index == 0 || first {
+            whole.fill(T::default());
+            known = 0;
         }
-        lay.product(tables, &order.far[at..], &room.prefix[k * width..], &mut room.term);
-        lay.add(tables, own, &room.term);
+        for (k, to) in room.wholes.chunks_exact_mut(width).enumerate() {
+            let between = shape.between(group, near.index + k);
+            for distance in known..between {
+                let slot = (near.group + distance + 1) % room.slots;
+                lay.product(tables, &order.groups[distance * matrix..], &room.totals[slot * width..][..width], whole);
+            }
+            known = between;
+            to.copy_from_slice(whole);
+        }
+        lay.products(tables, &tables.restrict[from..], &room.wholes, &mut room.coefficients);
     }
+    lay.products(tables, &order.far[from..], &room.prefix, &mut room.coefficients);
 }
