@@ -21,7 +21,8 @@ pub fn stream<T: Sample>(x: &[T], unit: usize, on_differences: bool, start: isiz
     after.fill(T::default());
     let Some(x) = x.get((start + from.cast_signed()).max(0).cast_unsigned()..) else { return };
     if on_differences {
-        for ((value, older), newer) in known.iter_mut().zip(x).zip(x.iter().skip(lag)) {
+        let (older, newer) = (&x[..known.len()], &x[lag..][..known.len()]);
+        for ((value, older), newer) in known.iter_mut().zip(older).zip(newer) {
             *value = *newer - *older;
         }
     } else {

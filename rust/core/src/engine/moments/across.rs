@@ -10,7 +10,7 @@ use pulp::{Simd, WithSimd};
 use super::super::Sample;
 use super::design::{Order, Tables};
 use super::lay::Lay;
-use super::run::Run;
+use super::run::{Run, STEP};
 
 /// Outputs that are computed together.
 const TILE: usize = 4;
@@ -172,19 +172,37 @@ impl<T: Sample, S: Simd, const R: usize> Across<T, S, R> {
         *sums = held;
     }
 
-    /// Adds what the moments of one block, or group, add to the coefficients from number `first` on.
+    /// Adds what the moments of one block, or group, add to the coefficients from number `first` on; the rows of the matrix are
+    /// `step` apart.
     #[inline(always)]
     fn apply<const Q: usize>(
         self,
         tables: &Tables<T>,
         sums: &mut [Lanes<T, S, R>; Q],
-        matrix: &[T],
+        (matrix, step): (&[T], usize),
         from: &[T],
         first: usize,
     ) {
-        let (count, stride) = (tables.shape.moments, tables.stride);
-        let rows = matrix[..count * stride].chunks_exact(stride).map(|row| &row[first..]);
-        self.combine(sums, &from[..count * T::LANES], rows);
+        let rows = matrix[first..].chunks(step);
+        self.combine(sums, &from[..tables.shape.moments * T::LANES], rows);
+    }
+}
+
+impl<T: Sample, S: Simd, const R: usize> Across<T, S, R> {
+    /// `to = matrix from`, or `to += matrix from`.
+    #[inline(always)]
+    fn one(self, tables: &Tables<T>, matrix: (&[T], usize), from: &[T], to: &mut [T], add: bool) {
+        by_parts!(tables.shape.moments, |first, Q| {
+            let to = &mut to[first * T::LANES..];
+            let mut sums = [self.zero; Q];
+            if add {
+                for (sum, to) in sums.iter_mut().zip(to.chunks_exact(T::LANES)) {
+                    *sum = load::<T, S, R>(to);
+                }
+            }
+            self.apply(tables, &mut sums, matrix, from, first);
+            put::<T, S, R>(&sums, to);
+        });
     }
 }
 
@@ -209,28 +227,30 @@ impl<T: Sample, S: Simd, const R: usize> Lay<T> for Across<T, S, R> {
 
     #[inline(always)]
     fn product(self, tables: &Tables<T>, matrix: &[T], from: &[T], to: &mut [T]) {
-        by_parts!(tables.shape.moments, |first, Q| {
-            let to = &mut to[first * T::LANES..];
-            let mut sums = [self.zero; Q];
-            for (sum, to) in sums.iter_mut().zip(to.chunks_exact(T::LANES)) {
-                *sum = load::<T, S, R>(to);
-            }
-            self.apply(tables, &mut sums, matrix, from, first);
-            put::<T, S, R>(&sums, to);
-        });
+        self.one(tables, (matrix, tables.stride), from, to, true);
     }
 
     #[inline(always)]
-    fn products(self, tables: &Tables<T>, matrices: &[T], from: &[T], to: &mut [T]) {
-        let (width, matrix) = (self.width(tables), tables.shape.moments * tables.stride);
-        let blocks = from.chunks_exact(width).zip(to.chunks_exact_mut(width));
-        for ((from, to), matrix) in blocks.zip(matrices.chunks_exact(matrix)) {
-            self.product(tables, matrix, from, to);
+    fn products(self, tables: &Tables<T>, matrices: &[T], from: &[T], to: &mut [T], add: bool) {
+        let (width, stride) = (self.width(tables), tables.stride);
+        for (n, (from, to)) in from.chunks_exact(width).zip(to.chunks_exact_mut(width)).enumerate() {
+            self.one(tables, (&matrices[n * stride..], STEP * stride), from, to, add);
         }
     }
 
     #[inline(always)]
-    fn run_up(self, _tables: &Tables<T>, values: &[T], running: &mut [T], sums: &mut [T]) {
+    fn repeat(self, tables: &Tables<T>, from: Option<&[T]>, to: &mut [T]) {
+        for to in to.chunks_exact_mut(self.width(tables)) {
+            match from {
+                Some(from) => to.copy_from_slice(from),
+                None => to.fill(T::default()),
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn run_up(self, _tables: &Tables<T>, values: &[T], copy: &mut [T], running: &mut [T], sums: &mut [T]) {
+        copy.copy_from_slice(values);
         let width = running.len();
         for (values, sums) in values.chunks_exact(width).zip(sums.chunks_exact_mut(width)) {
             for ((running, value), sum) in running.iter_mut().zip(values).zip(sums) {
@@ -262,7 +282,7 @@ impl<T: Sample, S: Simd, const R: usize> Lay<T> for Across<T, S, R> {
             by_parts!(count, |first, Q| {
                 let mut sums = [self.zero; Q];
                 for (matrix, from) in order.near.chunks_exact(count * tables.stride).zip(moments.chunks_exact(width)) {
-                    self.apply(tables, &mut sums, matrix, from, first);
+                    self.apply(tables, &mut sums, (matrix, tables.stride), from, first);
                 }
                 put::<T, S, R>(&sums, &mut coefficients[first * T::LANES..]);
             });

@@ -13,12 +13,9 @@ use super::design::{Order, Tables};
 use super::lay::Lay;
 use super::run::{Run, STEP};
 
-/// Blocks whose moments are formed together: their sums fill the registers' pipeline.
-const TOGETHER: usize = 8;
-
-/// `V` registers hold a block of outputs; `N` blocks are computed together.
+/// `V` registers hold a block of outputs, `W` the moments of a block; `N` blocks are computed together.
 #[derive(Debug, Clone, Copy)]
-struct Along<T: Sample, S: Simd, const V: usize, const N: usize> {
+struct Along<T: Sample, S: Simd, const V: usize, const W: usize, const N: usize> {
     simd: S,
     /// For every lane: the lanes up to it.
     masks: [T::Mask<S>; 16],
@@ -30,39 +27,42 @@ impl<T: Sample> WithSimd for Run<'_, '_, T> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         let lanes = size_of::<T::Register<S>>() / size_of::<T>();
-        let registers = self.moments.tables.shape.block / lanes;
+        let tables = &self.moments.tables;
+        let (block, narrow) = (tables.shape.block, tables.stride == T::LANES);
+        macro_rules! go {
+            ($v:literal, $n:literal) => {
+                match (64 / size_of::<T::Register<S>>(), narrow) {
+                    (1, true) => self.go(Along::<T, S, $v, 1, $n>::new(simd)),
+                    (1, false) => self.go(Along::<T, S, $v, 2, $n>::new(simd)),
+                    (2, true) => self.go(Along::<T, S, $v, 2, $n>::new(simd)),
+                    (2, false) => self.go(Along::<T, S, $v, 4, $n>::new(simd)),
+                    (4, true) => self.go(Along::<T, S, $v, 4, $n>::new(simd)),
+                    (4, false) => self.go(Along::<T, S, $v, 8, $n>::new(simd)),
+                    (8, true) => self.go(Along::<T, S, $v, 8, $n>::new(simd)),
+                    _ => self.go(Along::<T, S, $v, 16, $n>::new(simd)),
+                }
+            };
+        }
         // As many sums as leave room for samples and taps.
-        if size_of::<T::Register<S>>() == 64 {
-            match registers {
-                1 => self.go(Along::<T, S, 1, 8>::new(simd)),
-                2 => self.go(Along::<T, S, 2, 8>::new(simd)),
-                _ => self.go(Along::<T, S, 4, 4>::new(simd)),
-            }
-        } else if size_of::<T::Register<S>>() == 32 {
-            match registers {
-                2 => self.go(Along::<T, S, 2, 4>::new(simd)),
-                4 => self.go(Along::<T, S, 4, 2>::new(simd)),
-                _ => self.go(Along::<T, S, 8, 1>::new(simd)),
-            }
-        } else if size_of::<T::Register<S>>() == 16 {
-            match registers {
-                4 => self.go(Along::<T, S, 4, 2>::new(simd)),
-                8 => self.go(Along::<T, S, 8, 1>::new(simd)),
-                _ => self.go(Along::<T, S, 16, 1>::new(simd)),
-            }
-        } else {
-            match registers {
-                16 => self.go(Along::<T, S, 16, 1>::new(simd)),
-                _ => self.go(Along::<T, S, 32, 1>::new(simd)),
-            }
+        match (size_of::<T::Register<S>>(), block / lanes) {
+            (64, 1) => go!(1, 8),
+            (64, 2) => go!(2, 8),
+            (64, _) => go!(4, 4),
+            (_, 2) => go!(2, 4),
+            (_, 4) => go!(4, 2),
+            (_, 8) => go!(8, 1),
+            (_, 16) => go!(16, 1),
+            _ => go!(32, 1),
         }
     }
 }
 
-impl<T: Sample, S: Simd, const V: usize, const N: usize> Along<T, S, V, N> {
+impl<T: Sample, S: Simd, const V: usize, const W: usize, const N: usize> Along<T, S, V, W, N> {
     /// Samples of a register, and of a block.
     const LANES: usize = size_of::<T::Register<S>>() / size_of::<T>();
     const BLOCK: usize = V * Self::LANES;
+    /// Elements of the moments of a block.
+    const WIDTH: usize = W * Self::LANES;
 
     #[inline(always)]
     fn new(simd: S) -> Self {
@@ -82,10 +82,10 @@ impl<T: Sample, S: Simd, const V: usize, const N: usize> Along<T, S, V, N> {
         T::fused(self.simd, value, row, sum)
     }
 
-    /// Registers that the moments of a block need.
+    /// Registers that the moments of a block fill.
     #[inline(always)]
     fn registers(tables: &Tables<T>) -> usize {
-        tables.shape.moments.div_ceil(Self::LANES)
+        tables.shape.moments.div_ceil(Self::LANES).min(W)
     }
 
     /// Adds to the outputs of `N` blocks a row of `rows` for every value of every block, which lie `step` apart.
@@ -149,7 +149,7 @@ impl<T: Sample, S: Simd, const V: usize, const N: usize> Along<T, S, V, N> {
     ) {
         let mut sums = [[self.zero(); V]; N];
         if tables.shape.whole > 0 {
-            self.add_rows(&mut sums, T::registers::<S>(&tables.places), coefficients, tables.stride);
+            self.add_rows(&mut sums, T::registers::<S>(&tables.places), coefficients, Self::WIDTH);
         }
         self.add_rows(&mut sums, T::registers::<S>(&order.rest), far, Self::BLOCK);
         let (near, far) = (&near[..N * Self::BLOCK], &far[tables.shape.reach..][..N * Self::BLOCK]);
@@ -172,116 +172,125 @@ impl<T: Sample, S: Simd, const V: usize, const N: usize> Along<T, S, V, N> {
     }
 }
 
-impl<T: Sample, S: Simd, const V: usize, const N: usize> Lay<T> for Along<T, S, V, N> {
+impl<T: Sample, S: Simd, const V: usize, const W: usize, const N: usize> Lay<T> for Along<T, S, V, W, N> {
     #[inline(always)]
-    fn width(self, tables: &Tables<T>) -> usize {
-        tables.stride
+    fn width(self, _tables: &Tables<T>) -> usize {
+        Self::WIDTH
     }
 
     #[inline(always)]
     fn moments(self, tables: &Tables<T>, samples: &[T], moments: &mut [T]) {
-        let wide = tables.stride / Self::LANES;
-        let samples = &samples[..TOGETHER * Self::BLOCK];
-        let basis = &T::registers::<S>(&tables.basis)[..wide * Self::BLOCK];
-        let moments = &mut T::registers_mut::<S>(moments)[..TOGETHER * wide];
+        let samples = &samples[..STEP * Self::BLOCK];
+        let basis = T::registers::<S>(&tables.basis);
+        let moments = &mut T::registers_mut::<S>(moments)[..STEP * W];
         for register in 0..Self::registers(tables) {
-            let mut sums = [self.zero(); TOGETHER];
-            for at in 0..Self::BLOCK {
-                let row = basis[at * wide + register];
-                let samples = &samples[at..][..(TOGETHER - 1) * Self::BLOCK + 1];
-                for n in 0..TOGETHER {
-                    sums[n] = self.fused(T::splat(self.simd, samples[n * Self::BLOCK]), row, sums[n]);
+            let mut sums = [self.zero(); STEP];
+            for (at, row) in basis.chunks_exact(W).enumerate().take(Self::BLOCK) {
+                for n in 0..STEP {
+                    sums[n] = self.fused(T::splat(self.simd, samples[n * Self::BLOCK + at]), row[register], sums[n]);
                 }
             }
-            for n in 0..TOGETHER {
-                moments[n * wide + register] = sums[n];
+            for n in 0..STEP {
+                moments[n * W + register] = sums[n];
             }
         }
     }
 
     #[inline(always)]
     fn product(self, tables: &Tables<T>, matrix: &[T], from: &[T], to: &mut [T]) {
-        let (count, wide) = (tables.shape.moments, tables.stride / Self::LANES);
-        let rows = &T::registers::<S>(matrix)[..count * wide];
-        let to = &mut T::registers_mut::<S>(to)[..wide];
-        for register in 0..Self::registers(tables) {
-            let mut sum = to[register];
-            for (row, value) in rows[register..].iter().step_by(wide).zip(from) {
-                sum = self.fused(T::splat(self.simd, *value), *row, sum);
+        let rows = T::registers::<S>(matrix).chunks_exact(W);
+        let to = &mut T::registers_mut::<S>(to)[..W];
+        for (row, value) in rows.zip(&from[..tables.shape.moments]) {
+            let value = T::splat(self.simd, *value);
+            for register in 0..W {
+                to[register] = self.fused(value, row[register], to[register]);
             }
-            to[register] = sum;
         }
     }
 
     #[inline(always)]
-    fn products(self, tables: &Tables<T>, matrices: &[T], from: &[T], to: &mut [T]) {
-        let (stride, count, wide) = (tables.stride, tables.shape.moments, tables.stride / Self::LANES);
-        let rows = &T::registers::<S>(matrices)[..STEP * count * wide];
-        let to = &mut T::registers_mut::<S>(to)[..STEP * wide];
+    fn products(self, tables: &Tables<T>, matrices: &[T], from: &[T], to: &mut [T], add: bool) {
+        let from = &from[..STEP * Self::WIDTH];
+        let rows = T::registers::<S>(matrices).chunks_exact(STEP * W).take(tables.shape.moments.min(Self::WIDTH));
+        let to = &mut T::registers_mut::<S>(to)[..STEP * W];
         for register in 0..Self::registers(tables) {
             let mut sums = [self.zero(); STEP];
-            for n in 0..STEP {
-                sums[n] = to[n * wide + register];
-            }
-            for d in 0..count {
-                let rows = &rows[d * wide + register..][..(STEP - 1) * count * wide + 1];
-                let values = &from[d..][..(STEP - 1) * stride + 1];
+            if add {
                 for n in 0..STEP {
-                    sums[n] = self.fused(T::splat(self.simd, values[n * stride]), rows[n * count * wide], sums[n]);
+                    sums[n] = to[n * W + register];
+                }
+            }
+            for (d, rows) in rows.clone().enumerate() {
+                for n in 0..STEP {
+                    let value = T::splat(self.simd, from[n * Self::WIDTH + d]);
+                    sums[n] = self.fused(value, rows[n * W + register], sums[n]);
                 }
             }
             for n in 0..STEP {
-                to[n * wide + register] = sums[n];
+                to[n * W + register] = sums[n];
             }
         }
     }
 
     #[inline(always)]
-    fn run_up(self, tables: &Tables<T>, values: &[T], running: &mut [T], sums: &mut [T]) {
-        let wide = tables.stride / Self::LANES;
-        let (values, sums) = (T::registers::<S>(values), T::registers_mut::<S>(sums));
-        for (register, running) in T::registers_mut::<S>(running).iter_mut().enumerate() {
-            let mut sum = *running;
-            let values = values.iter().skip(register).step_by(wide);
-            for (value, to) in values.zip(sums.iter_mut().skip(register).step_by(wide)) {
-                sum = T::plus(self.simd, sum, *value);
-                *to = sum;
+    fn repeat(self, _tables: &Tables<T>, from: Option<&[T]>, to: &mut [T]) {
+        let mut held = [self.zero(); W];
+        if let Some(from) = from {
+            held.copy_from_slice(&T::registers::<S>(from)[..W]);
+        }
+        for to in T::registers_mut::<S>(to).chunks_exact_mut(W) {
+            for register in 0..W {
+                to[register] = held[register];
             }
-            *running = sum;
         }
     }
 
     #[inline(always)]
-    fn run_down(self, tables: &Tables<T>, values: &mut [T]) {
-        let wide = tables.stride / Self::LANES;
-        for register in 0..Self::registers(tables) {
-            let mut sum = self.zero();
-            for value in T::registers_mut::<S>(values)[register..].iter_mut().step_by(wide).rev() {
-                let both = T::plus(self.simd, sum, *value);
-                *value = std::mem::replace(&mut sum, both);
+    fn run_up(self, _tables: &Tables<T>, values: &[T], copy: &mut [T], running: &mut [T], sums: &mut [T]) {
+        let running = &mut T::registers_mut::<S>(running)[..W];
+        let mut held = [self.zero(); W];
+        held.copy_from_slice(running);
+        let (copy, sums) = (T::registers_mut::<S>(copy), T::registers_mut::<S>(sums));
+        let to = copy.chunks_exact_mut(W).zip(sums.chunks_exact_mut(W));
+        for ((copy, sums), values) in to.zip(T::registers::<S>(values).chunks_exact(W)) {
+            for register in 0..W {
+                copy[register] = values[register];
+                held[register] = T::plus(self.simd, held[register], values[register]);
+                sums[register] = held[register];
+            }
+        }
+        running.copy_from_slice(&held);
+    }
+
+    #[inline(always)]
+    fn run_down(self, _tables: &Tables<T>, values: &mut [T]) {
+        let mut held = [self.zero(); W];
+        for values in T::registers_mut::<S>(values).chunks_exact_mut(W).rev() {
+            for register in 0..W {
+                let both = T::plus(self.simd, held[register], values[register]);
+                values[register] = std::mem::replace(&mut held[register], both);
             }
         }
     }
 
     #[inline(always)]
     fn blocks(self, tables: &Tables<T>, order: &Order<T>, moments: &[T], coefficients: &mut [T]) {
-        let stride = tables.stride;
-        let (count, wide) = (tables.shape.moments, stride / Self::LANES);
+        let count = tables.shape.moments.min(Self::WIDTH);
         let rows = T::registers::<S>(&order.near);
-        let coefficients = &mut T::registers_mut::<S>(coefficients)[..STEP * wide];
+        let coefficients = &mut T::registers_mut::<S>(coefficients)[..STEP * W];
         for register in 0..Self::registers(tables) {
             let mut sums = [self.zero(); STEP];
-            for (distance, rows) in rows.chunks_exact(count * wide).enumerate() {
-                let moments = &moments[distance * stride..][..STEP * stride];
-                for (d, row) in rows.chunks_exact(wide).enumerate() {
-                    let moments = &moments[d..][..(STEP - 1) * stride + 1];
+            for (distance, rows) in rows.chunks_exact(count * W).enumerate() {
+                let moments = &moments[distance * Self::WIDTH..][..STEP * Self::WIDTH];
+                for (d, row) in rows.chunks_exact(W).enumerate().take(count) {
                     for n in 0..STEP {
-                        sums[n] = self.fused(T::splat(self.simd, moments[n * stride]), row[register], sums[n]);
+                        let moment = T::splat(self.simd, moments[n * Self::WIDTH + d]);
+                        sums[n] = self.fused(moment, row[register], sums[n]);
                     }
                 }
             }
             for n in 0..STEP {
-                coefficients[n * wide + register] = sums[n];
+                coefficients[n * W + register] = sums[n];
             }
         }
     }
@@ -298,7 +307,7 @@ impl<T: Sample, S: Simd, const V: usize, const N: usize> Lay<T> for Along<T, S, 
     ) {
         for (tile, out) in out.chunks_exact_mut(N * Self::BLOCK).enumerate() {
             let at = tile * N * Self::BLOCK;
-            let coefficients = &coefficients[tile * N * tables.stride..];
+            let coefficients = &coefficients[tile * N * Self::WIDTH..];
             self.tile(tables, order, [&near[at..], &far[at..]], coefficients, scale, out);
         }
     }

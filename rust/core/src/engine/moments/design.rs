@@ -113,12 +113,12 @@ pub struct Order<T> {
     pub ring: Buffer<T>,
     pub scale: f64,
     pub anchor: Option<usize>,
-    /// What the moments of blocks add to the coefficients of the outputs, a row for every moment: the blocks after the first;
-    /// or, with groups, those to the end of the group, for every block of it, ...
+    /// What the moments of blocks add to the coefficients of the outputs, a row for every moment. Without groups: the matrices
+    /// of the blocks after the first. With groups: of those to the end of the group, for every block of it, by steps, ...
     pub near: Buffer<T>,
-    /// ... those from the start of the group in which the whole blocks end, ...
+    /// ... of those from the start of the group in which the whole blocks end, likewise, ...
     pub far: Buffer<T>,
-    /// ... and the whole groups between, for outputs of a whole group.
+    /// ... and the matrices of the whole groups between, for outputs of a whole group.
     pub groups: Buffer<T>,
 }
 
@@ -133,10 +133,10 @@ pub struct Tables<T> {
     pub basis: Buffer<T>,
     /// The same, a row for every d.
     pub places: Buffer<T>,
-    /// For every block of a group, and once more for a step of them: what its moment d' adds to the group's moment d, a row for
-    /// every d'.
+    /// For every block of a group: what its moment d' adds to the group's moment d, a row for every d'; by steps of those
+    /// blocks in which the whole ones end.
     pub lift: Buffer<T>,
-    /// For every block of a group: what the group's coefficient e adds to the block's e', a row for every e.
+    /// For every block of a group: what the group's coefficient e adds to the block's e', a row for every e; by steps.
     pub restrict: Buffer<T>,
     pub error_bound: f64,
 }
@@ -164,7 +164,6 @@ impl<T: Sample> Tables<T> {
         let places: Vec<f64> = (0..moments).flat_map(|d| values.iter().map(move |p| p[d])).collect();
         let group = shape.group.unwrap_or(0);
         let lift: Vec<Vec<f64>> = (0..group).map(|index| legendre.lift(index, group)).collect();
-        let around: Vec<Vec<f64>> = lift.iter().cycle().take(if group > 0 { group + STEP } else { 0 }).cloned().collect();
         let turned = |matrix: &Vec<f64>| -> Vec<f64> {
             (0..moments * moments).map(|at| matrix[at % moments * moments + at / moments]).collect()
         };
@@ -173,10 +172,10 @@ impl<T: Sample> Tables<T> {
             shape,
             orders: built,
             stride,
-            basis: padded(&values.concat(), moments, stride)?,
+            basis: narrow(&padded(&values.concat(), moments, stride))?,
             places: narrow(&places)?,
-            lift: padded(&around.concat(), moments, stride)?,
-            restrict: padded(&restrict.concat(), moments, stride)?,
+            lift: narrow(&by_steps(&padded(&lift.concat(), moments, stride), moments, stride, shape.whole % STEP))?,
+            restrict: narrow(&by_steps(&padded(&restrict.concat(), moments, stride), moments, stride, 0))?,
             error_bound,
         }))
     }
@@ -239,6 +238,8 @@ impl Matrices {
 
     fn order<T: Sample>(self, shape: &Shape, order: &Taps, smooth: &Smooth) -> Result<Order<T>, Error> {
         let Smooth { taps, anchor } = smooth;
+        let stride = shape.stride::<T>();
+        let steps = |matrices: &[f64]| narrow(&by_steps(matrices, shape.moments, stride, 0));
         let (block, after) = (shape.block, shape.taps - shape.reach);
         let lines = |start: usize, count: usize| (start..start + count).flat_map(move |k| (0..block).map(move |i| (k, i)));
         let rest: Vec<f64> = lines(after, shape.reach).map(|(k, i)| taps[k - i]).collect();
@@ -250,8 +251,8 @@ impl Matrices {
             ring: narrow(&ring)?,
             scale: order.scale,
             anchor: *anchor,
-            near: narrow(&self.near)?,
-            far: narrow(&self.far)?,
+            near: if shape.group.is_some() { steps(&self.near) } else { narrow(&self.near) }?,
+            far: steps(&self.far)?,
             groups: narrow(&self.groups)?,
         })
     }
@@ -264,10 +265,20 @@ fn narrow<T: Sample>(values: &[f64]) -> Result<Buffer<T>, Error> {
 }
 
 /// Rows of `width` values, `stride` apart.
-fn padded<T: Sample>(values: &[f64], width: usize, stride: usize) -> Result<Buffer<T>, Error> {
-    let mut padded = Buffer::new(values.len() / width * stride)?;
-    for (row, values) in padded.chunks_mut(stride).zip(values.chunks(width)) {
-        row.iter_mut().zip(values).for_each(|(entry, value)| *entry = T::from_f64(*value));
-    }
-    Ok(padded)
+fn padded(values: &[f64], width: usize, stride: usize) -> Vec<f64> {
+    let row = |row: &[f64]| row.iter().copied().chain(std::iter::repeat_n(0.0, stride - width)).collect::<Vec<_>>();
+    values.chunks(width).flat_map(row).collect()
+}
+
+/// Matrices of the blocks of a group as steps take them: first the first rows of all blocks of a step, and so on; the first
+/// step starts with block `first`.
+fn by_steps(matrices: &[f64], moments: usize, stride: usize, first: usize) -> Vec<f64> {
+    let group = matrices.len() / (moments * stride);
+    let row = |block: usize, d: usize| &matrices[((first + block) % group * moments + d) * stride..][..stride];
+    (0..group)
+        .step_by(STEP)
+        .flat_map(|step| (0..moments).flat_map(move |d| (step..step + STEP).map(move |block| (block, d))))
+        .flat_map(|(block, d)| row(block, d))
+        .copied()
+        .collect()
 }

@@ -13,10 +13,12 @@ pub trait Lay<T: Sample>: Copy {
     fn moments(self, tables: &Tables<T>, samples: &[T], moments: &mut [T]);
     /// `to += matrix from`.
     fn product(self, tables: &Tables<T>, matrix: &[T], from: &[T], to: &mut [T]);
-    /// The same for each block of a step, with a matrix for each.
-    fn products(self, tables: &Tables<T>, matrices: &[T], from: &[T], to: &mut [T]);
-    /// The sums of `values` up to each of them, on top of `running`, which becomes the last one.
-    fn run_up(self, tables: &Tables<T>, values: &[T], running: &mut [T], sums: &mut [T]);
+    /// `to += matrix from`, or `to = matrix from`, for each block of a step, with matrices by steps.
+    fn products(self, tables: &Tables<T>, matrices: &[T], from: &[T], to: &mut [T], add: bool);
+    /// `from` in every block of `to`, or zero.
+    fn repeat(self, tables: &Tables<T>, from: Option<&[T]>, to: &mut [T]);
+    /// Copies `values`; and the sums up to each of them, on top of `running`, which becomes the last one.
+    fn run_up(self, tables: &Tables<T>, values: &[T], copy: &mut [T], running: &mut [T], sums: &mut [T]);
     /// The sums of `values` after each of them, in their place.
     fn run_down(self, tables: &Tables<T>, values: &mut [T]);
     /// The coefficients of blocks from the moments of those after each, without groups; `moments` starts with those of the

@@ -2,6 +2,7 @@
 
 use super::super::Sample;
 use super::super::buffer::Buffer;
+use super::super::stream::stream;
 use super::design::Tables;
 use super::run::STEP;
 use crate::error::Error;
@@ -27,6 +28,14 @@ impl Place {
     }
 }
 
+/// What the stream is formed from: samples of `unit` values.
+#[derive(Debug, Clone, Copy)]
+pub struct Source<'a, T> {
+    pub x: &'a [T],
+    pub unit: usize,
+    pub on_differences: bool,
+}
+
 /// A part of the stream.
 #[derive(Debug, Default)]
 pub struct Line<T> {
@@ -37,7 +46,10 @@ pub struct Line<T> {
 
 impl<T: Sample> Line<T> {
     /// Forms samples up to `until`; those before `from` are no longer needed.
-    pub fn bring(&mut self, unit: usize, from: isize, until: isize, form: impl Fn(isize, &mut [T])) {
+    #[inline(always)]
+    #[expect(clippy::inline_always, reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one")]
+    pub fn bring(&mut self, source: Source<'_, T>, from: isize, until: isize) {
+        let unit = source.unit;
         if until <= self.end {
             return;
         }
@@ -47,11 +59,13 @@ impl<T: Sample> Line<T> {
             self.start += (from / unit).cast_signed();
         }
         let [end, until_here] = [self.end, until].map(|at| (at - self.start).cast_unsigned() * unit);
-        form(self.end, &mut self.values[end..until_here]);
+        stream(source.x, unit, source.on_differences, self.end, &mut self.values[end..until_here]);
         self.end = until;
     }
 
     /// The samples from `place` on.
+    #[inline(always)]
+    #[expect(clippy::inline_always, reason = "a slice")]
     pub fn from(&self, unit: usize, place: isize) -> &[T] {
         &self.values[(place - self.start).cast_unsigned() * unit..]
     }

@@ -7,11 +7,11 @@
 
 use super::super::Sample;
 use super::super::prefetch::prefetch;
-use super::super::stream::{rescale, stream};
+use super::super::stream::rescale;
 use super::Moments;
 use super::design::{Order, Shape, Tables};
 use super::lay::Lay;
-use super::room::{Place, Room};
+use super::room::{Place, Room, Source};
 
 /// Blocks that are worked on at a time.
 pub const STEP: usize = 8;
@@ -31,7 +31,7 @@ pub struct Run<'a, 'o, T: Sample> {
     pub room: &'a mut Room<T>,
 }
 
-impl<T: Sample> Run<'_, '_, T> {
+impl<'a, T: Sample> Run<'a, '_, T> {
     #[inline(always)]
     pub fn go<L: Lay<T>>(mut self, lay: L) {
         let shape = self.moments.tables.shape;
@@ -66,11 +66,10 @@ impl<T: Sample> Run<'_, '_, T> {
         self.room.restart(start, start + first * block);
         for number in (0..steps).map(|step| first + step * STEP.cast_signed()) {
             let here = start + (number - shape.whole.cast_signed()) * block;
-            let Self { moments: Moments { on_differences, .. }, x, unit, room, .. } = self;
-            let form = |at, to: &mut [T]| stream(x, *unit, *on_differences, at, to);
             // Where one piece holds both, what the first outputs read as their own stays.
-            let from = start + if room.joined { number.min(0) } else { number } * block;
-            room.far.bring(*unit, from, start + (number + STEP.cast_signed()) * block, form);
+            let from = start + if self.room.joined { number.min(0) } else { number } * block;
+            let source = self.source();
+            self.room.far.bring(source, from, start + (number + STEP.cast_signed()) * block);
             self.feed(lay, here, number, phase);
         }
     }
@@ -90,18 +89,22 @@ impl<T: Sample> Run<'_, '_, T> {
         }
     }
 
+    #[inline(always)]
+    fn source(&self) -> Source<'a, T> {
+        Source { x: self.x, unit: self.unit, on_differences: self.moments.on_differences }
+    }
+
     /// The stream that the step at `here` reads.
     #[inline(always)]
     fn bring(&mut self, here: isize) {
-        let Self { moments: Moments { tables, on_differences, .. }, x, unit, room, .. } = self;
-        let Shape { block, whole, reach, .. } = tables.shape;
-        let form = |at, to: &mut [T]| stream(x, *unit, *on_differences, at, to);
+        let (source, room) = (self.source(), &mut *self.room);
+        let Shape { block, whole, reach, .. } = self.moments.tables.shape;
         let (step, whole) = ((STEP * block).cast_signed(), (whole * block).cast_signed());
         let until = here + whole + block.cast_signed() + step + reach.cast_signed();
         let from = if room.joined { here } else { here + whole };
-        room.far.bring(*unit, from, until, form);
+        room.far.bring(source, from, until);
         if !room.joined {
-            room.near.bring(*unit, here, here + step, form);
+            room.near.bring(source, here, here + step);
         }
     }
 
@@ -121,8 +124,8 @@ impl<T: Sample> Run<'_, '_, T> {
         lay.moments(tables, room.far.from(*unit, at), &mut room.fresh);
         let (matrix, all) = (shape.moments * tables.stride, number + phase.cast_signed());
         let place = Place { group: 0, index: all.rem_euclid(group.cast_signed()).cast_unsigned() };
-        room.parts.fill(T::default());
-        lay.products(tables, &tables.lift[place.index * matrix..], &room.fresh, &mut room.parts);
+        let step = (place.index + group - shape.whole % STEP) % group;
+        lay.products(tables, &tables.lift[step * matrix..], &room.fresh, &mut room.parts, false);
         // The end of one group, which is then complete, and the beginning of the next.
         let slot = |group: isize| group.rem_euclid(room.slots.cast_signed()).cast_unsigned();
         let slots = [0, 1].map(|next| slot(all.div_euclid(group.cast_signed()) + next));
@@ -132,15 +135,14 @@ impl<T: Sample> Run<'_, '_, T> {
             let complete = start + part.len() == group;
             let blocks = part.start * width..part.end * width;
             let (parts, sums) = (&room.parts[blocks.clone()], &mut room.prefix[blocks]);
-            lay.run_up(tables, parts, &mut room.running, sums);
             let lifted = &mut room.lifted[slot * group * width..][..group * width];
-            lifted[start * width..][..parts.len()].copy_from_slice(parts);
+            lay.run_up(tables, parts, &mut lifted[start * width..][..parts.len()], &mut room.running, sums);
             if complete {
                 lay.run_down(tables, lifted);
-                room.totals[slot * width..][..width].copy_from_slice(&room.running);
-                room.running.fill(T::default());
+                lay.repeat(tables, Some(&room.running), &mut room.totals[slot * width..][..width]);
+                lay.repeat(tables, None, &mut room.running);
                 // Together with its last block a group is a whole one.
-                sums[(part.len() - 1) * width..].fill(T::default());
+                lay.repeat(tables, None, &mut sums[(part.len() - 1) * width..]);
             }
         }
     }
@@ -202,26 +204,28 @@ fn coefficients<T: Sample, L: Lay<T>>(
     };
     let (matrix, slot) = (shape.moments * tables.stride, near.group % room.slots);
     let from = near.index * matrix;
-    room.coefficients.fill(T::default());
     let after = &room.lifted[(slot * group + near.index) * width..][..STEP * width];
-    lay.products(tables, &order.near[from..], after, &mut room.coefficients);
+    lay.products(tables, &order.near[from..], after, &mut room.coefficients, false);
     if shape.between(group, group - 1) > 0 {
         let whole = &mut room.whole[number * width..][..width];
         let mut known = if near.index == 0 { 0 } else { shape.between(group, near.index - 1) };
         if near.index == 0 || first {
-            whole.fill(T::default());
+            lay.repeat(tables, None, whole);
             known = 0;
         }
-        for (k, to) in room.wholes.chunks_exact_mut(width).enumerate() {
+        for k in 0..STEP {
             let between = shape.between(group, near.index + k);
+            if k > 0 && between == known {
+                continue;
+            }
             for distance in known..between {
                 let slot = (near.group + distance + 1) % room.slots;
                 lay.product(tables, &order.groups[distance * matrix..], &room.totals[slot * width..][..width], whole);
             }
             known = between;
-            to.copy_from_slice(whole);
+            lay.repeat(tables, Some(whole), &mut room.wholes[k * width..]);
         }
-        lay.products(tables, &tables.restrict[from..], &room.wholes, &mut room.coefficients);
+        lay.products(tables, &tables.restrict[from..], &room.wholes, &mut room.coefficients, true);
     }
-    lay.products(tables, &order.far[from..], &room.prefix, &mut room.coefficients);
+    lay.products(tables, &order.far[from..], &room.prefix, &mut room.coefficients, true);
 }
