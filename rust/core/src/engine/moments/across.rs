@@ -207,6 +207,8 @@ impl<T: Sample, S: Simd, const R: usize> Across<T, S, R> {
 }
 
 impl<T: Sample, S: Simd, const R: usize> Lay<T> for Across<T, S, R> {
+    const UNIT: usize = T::LANES;
+
     #[inline(always)]
     fn width(self, tables: &Tables<T>) -> usize {
         tables.shape.moments * T::LANES

@@ -34,6 +34,10 @@ pub struct Shape {
     pub reach: usize,
     /// Blocks of a group, where groups are used.
     pub group: Option<usize>,
+    /// Whole groups between the group of an output's block and that in which its whole blocks end, at most; ...
+    pub between: usize,
+    /// ... for blocks from this number on, and one less before.
+    pub more: usize,
     /// Multiplications of registers of 64 bytes for one output: for all orders together, and for each.
     pub cost: (f64, f64),
 }
@@ -42,9 +46,15 @@ impl Shape {
     fn new(taps: usize, block: usize, moments: usize, group: Option<usize>, lanes: usize) -> Option<Self> {
         let whole = ((taps - 1) / block).checked_sub(1)?;
         let reach = taps - (whole + 1) * block;
-        let new = Self { taps, block, moments, whole, reach, group, cost: (0.0, 0.0) };
-        let fits = group.is_none_or(|group| group <= whole && growth(moments - 1, group, whole) <= GROWTH);
-        fits.then(|| Self { cost: new.cost(lanes), ..new })
+        let mut new = Self { taps, block, moments, whole, reach, group, between: 0, more: 0, cost: (0.0, 0.0) };
+        if let Some(group) = group {
+            if group > whole || growth(moments - 1, group, whole) > GROWTH {
+                return None;
+            }
+            new.between = between(group, whole, group - 1);
+            new.more = (0..group).find(|index| between(group, whole, *index) == new.between)?;
+        }
+        Some(Self { cost: new.cost(lanes), ..new })
     }
 
     /// The cheapest blocks and groups for these orders, in registers of `lanes` samples; none if their taps are no
@@ -80,22 +90,22 @@ impl Shape {
             Some(group) => {
                 // Tables that leave the nearest cache cost as much again.
                 let far = if 4 * group * self.moments * self.moments > NEAR / 8 { 2.0 } else { 1.0 };
-                let groups = if self.between(group, group - 1) > 0 { 1.0 } else { 0.0 };
+                let groups = if self.between > 0 { 1.0 } else { 0.0 };
                 (far * product + 2.0 * registers / block, far * product * (2.0 + groups + whole / (group * group) as f64))
             }
         };
         (registers + shared, triangle + moments / lanes + each)
     }
 
-    /// Whole groups between the group of an output's block, its block `index`, and that in which its whole blocks end.
-    pub fn between(&self, group: usize, index: usize) -> usize {
-        (self.whole + 1 + index - group) / group
-    }
-
     /// Elements of a block's moments where they fill registers.
     pub fn stride<T: Sample>(&self) -> usize {
         self.moments.next_multiple_of(T::LANES)
     }
+}
+
+/// Whole groups between the group of an output's block, its block `index`, and that in which its `whole` blocks end.
+fn between(group: usize, whole: usize, index: usize) -> usize {
+    (whole + 1 + index - group) / group
 }
 
 /// The largest value of a polynomial of degree `degree`, at most 1 on the window, where a group reaches beyond it.
@@ -218,7 +228,7 @@ impl Matrices {
         (new.near, new.far) = (held(group)?, held(group)?);
         let mut ends: f64 = 0.0;
         for index in 0..group {
-            let (before, between) = (index as f64 * block, shape.between(group, index));
+            let (before, between) = (index as f64 * block, between(group, shape.whole, index));
             legendre.matrix(polynomial, -before, [length, block], stride, &mut new.near);
             let after = (between + 1) as f64 * length - before;
             legendre.matrix(polynomial, after, [length, block], stride, &mut new.far);
@@ -226,7 +236,7 @@ impl Matrices {
             let blocks = (group - 1 - index) as f64 * last(&new.near) + rest as f64 * last(&new.far);
             ends = ends.max(block * blocks);
         }
-        let between = shape.between(group, group - 1);
+        let between = shape.between;
         new.groups = held(between)?;
         for distance in 1..=between {
             legendre.matrix(polynomial, distance as f64 * length, [length; 2], stride, &mut new.groups);

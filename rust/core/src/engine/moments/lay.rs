@@ -7,6 +7,8 @@ use super::design::{Order, Tables};
 ///
 /// The moments, or coefficients, of a block are `width` values.
 pub trait Lay<T: Sample>: Copy {
+    /// Values of a sample.
+    const UNIT: usize;
     /// Values of the moments of a block.
     fn width(self, tables: &Tables<T>) -> usize;
     /// The moments of the first blocks of `samples`, as many as `moments` has room for.

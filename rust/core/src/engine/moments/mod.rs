@@ -91,7 +91,7 @@ impl<T: Sample> Moments<T> {
     ) -> Result<(), Error> {
         let room = &mut scratch.moments;
         room.prepare(&self.tables, 1, self.tables.stride)?;
-        Arch::new().dispatch(Run { moments: self, x, unit: 1, first, origin, outs, room });
+        Arch::new().dispatch(Run { moments: self, x, first, origin, outs, room });
         Ok(())
     }
 
@@ -104,7 +104,7 @@ impl<T: Sample> Moments<T> {
     ) -> Result<(), Error> {
         let room = &mut scratch.moments;
         room.prepare(&self.tables, T::LANES, self.tables.shape.moments * T::LANES)?;
-        Arch::new().dispatch(Rows(Run { moments: self, x, unit: T::LANES, first: 0, origin, outs, room }));
+        Arch::new().dispatch(Rows(Run { moments: self, x, first: 0, origin, outs, room }));
         Ok(())
     }
 }

@@ -13,18 +13,19 @@ const PIECE: usize = 2048;
 /// Samples up to which a window and what is formed around it is kept in one piece.
 const JOINED: usize = 1 << 13;
 
-/// A block: its group, counted from that of the first, and its number there.
+/// A block: its group, and its number there.
 #[derive(Debug, Clone, Copy)]
 pub struct Place {
-    pub group: usize,
+    pub group: isize,
     pub index: usize,
 }
 
 impl Place {
-    /// The block `count` blocks on, with `group` of them in a group, a power of two.
-    pub fn after(self, count: usize, group: usize) -> Self {
-        let index = self.index + count;
-        Self { group: self.group + (index >> group.trailing_zeros()), index: index & (group - 1) }
+    /// Block number `block`, with `group` of them in a group, a power of two.
+    #[inline(always)]
+    #[expect(clippy::inline_always, reason = "two operations")]
+    pub fn new(block: isize, group: usize) -> Self {
+        Self { group: block >> group.trailing_zeros(), index: block.cast_unsigned() & (group - 1) }
     }
 }
 
@@ -53,13 +54,14 @@ impl<T: Sample> Line<T> {
         if until <= self.end {
             return;
         }
-        if (until - self.start).cast_unsigned() * unit > self.values.len() {
-            let [from, end] = [from.min(self.end), self.end].map(|at| (at - self.start).cast_unsigned() * unit);
-            self.values.copy_within(from..end, 0);
-            self.start += (from / unit).cast_signed();
+        let at = |place: isize, start: isize| (place - start).cast_unsigned() * unit;
+        if at(until, self.start) > self.values.len() {
+            let from = from.min(self.end);
+            self.values.copy_within(at(from, self.start)..at(self.end, self.start), 0);
+            self.start = from;
         }
-        let [end, until_here] = [self.end, until].map(|at| (at - self.start).cast_unsigned() * unit);
-        stream(source.x, unit, source.on_differences, self.end, &mut self.values[end..until_here]);
+        let place = at(self.end, self.start)..at(until, self.start);
+        stream(source.x, unit, source.on_differences, self.end, &mut self.values[place]);
         self.end = until;
     }
 
@@ -108,7 +110,7 @@ pub struct Room<T> {
     /// Moments of the blocks of a step, and their parts of those of their groups.
     pub fresh: Buffer<T>,
     pub parts: Buffer<T>,
-    /// Groups that are held at a time. For every block of each its part of the group's moments; once the group is complete,
+    /// Groups that are held at a time, a power of two. For every block of each its part of the group's moments; once the group is complete,
     /// the sums over the blocks after it.
     pub slots: usize,
     pub lifted: Buffer<T>,
@@ -142,7 +144,7 @@ impl<T: Sample> Room<T> {
             self.plain.end = 0;
             return self.plain.values.fit((shape.whole + 32 * STEP) * width);
         };
-        self.slots = (shape.whole + 2 * STEP) / group + 3;
+        self.slots = ((shape.whole + 2 * STEP) / group + 3).next_power_of_two();
         self.fresh.fit(STEP * width)?;
         self.parts.fit(STEP * width)?;
         self.lifted.fit(self.slots * group * width)?;

@@ -19,67 +19,70 @@ pub const STEP: usize = 8;
 /// Bytes that are asked for before they are needed.
 const AHEAD: usize = 4096;
 
-/// What is to be computed: `x[0]`, a sample of `unit` values, is the sample `origin` of its row; the windows of the outputs
+/// What is to be computed: `x[0]` is the sample `origin` of its row; the windows of the outputs
 /// start at sample `first` of x and on.
 pub struct Run<'a, 'o, T: Sample> {
     pub moments: &'a Moments<T>,
     pub x: &'a [T],
-    pub unit: usize,
     pub first: usize,
     pub origin: isize,
     pub outs: &'a mut [&'o mut [T]],
     pub room: &'a mut Room<T>,
 }
 
+/// Blocks that are worked on together.
+struct Step {
+    /// Where they start in x.
+    here: isize,
+    /// The number of the first in its row.
+    block: isize,
+    /// Outputs before it, from the start of the first step, and how many of those are not wanted.
+    done: usize,
+    lead: usize,
+}
+
 impl<'a, T: Sample> Run<'a, '_, T> {
     #[inline(always)]
     pub fn go<L: Lay<T>>(mut self, lay: L) {
-        let shape = self.moments.tables.shape;
-        let block = shape.block.cast_signed();
+        let block = self.moments.tables.shape.block.cast_signed();
         let window = self.origin + self.first.cast_signed();
         let lead = window.rem_euclid(STEP.cast_signed() * block).cast_unsigned();
-        // Where the step of the first window starts in x, and in its group.
+        // Where the step of the first window starts in x, and which block of the row that is.
         let start = self.first.cast_signed() - lead.cast_signed();
-        let phase = (window - lead.cast_signed()).div_euclid(block).rem_euclid(shape.group.unwrap_or(1).cast_signed()).cast_unsigned();
-        let outputs = self.outs.first().map_or(0, |out| out.len() / self.unit);
-        self.warm_up(lay, start, phase);
-        let mut near = Place { group: 0, index: phase };
-        for step in 0..(lead + outputs).div_ceil(STEP * shape.block) {
-            let here = start + (step * STEP * shape.block).cast_signed();
-            self.ask_ahead(here);
-            self.bring(here);
-            if shape.whole > 0 {
-                self.feed(lay, here, (shape.whole + step * STEP).cast_signed(), phase);
-            }
-            self.deliver(lay, here, step == 0, near, lead, step * STEP * shape.block);
-            near = near.after(STEP, shape.group.unwrap_or(1));
+        let first = (window - lead.cast_signed()).div_euclid(block);
+        let outputs = self.outs.first().map_or(0, |out| out.len() / L::UNIT);
+        self.warm_up(lay, start, first);
+        for done in (0..lead + outputs).step_by(STEP * block.cast_unsigned()) {
+            let step = Step { here: start + done.cast_signed(), block: first + done.cast_signed() / block, done, lead };
+            self.ask_ahead::<L>(step.here);
+            self.bring::<L>(step.here);
+            self.feed(lay, step.here, step.block);
+            self.deliver(lay, &step);
         }
     }
 
     /// The moments of the blocks before those that come with the first outputs.
     #[inline(always)]
-    fn warm_up<L: Lay<T>>(&mut self, lay: L, start: isize, phase: usize) {
-        let shape = self.moments.tables.shape;
-        let block = shape.block.cast_signed();
-        let steps = shape.whole.saturating_sub(1).div_ceil(STEP).cast_signed();
-        let first = shape.whole.cast_signed() - steps * STEP.cast_signed();
-        self.room.restart(start, start + first * block);
-        for number in (0..steps).map(|step| first + step * STEP.cast_signed()) {
-            let here = start + (number - shape.whole.cast_signed()) * block;
+    fn warm_up<L: Lay<T>>(&mut self, lay: L, start: isize, first: isize) {
+        let Shape { block, whole, .. } = self.moments.tables.shape;
+        let (block, step) = (block.cast_signed(), STEP.cast_signed());
+        let steps = whole.saturating_sub(1).div_ceil(STEP).cast_signed();
+        let ahead = |number: isize| (whole.cast_signed() + number * step) * block;
+        self.room.restart(start, start + ahead(-steps));
+        for number in -steps..0 {
             // Where one piece holds both, what the first outputs read as their own stays.
-            let from = start + if self.room.joined { number.min(0) } else { number } * block;
-            let source = self.source();
-            self.room.far.bring(source, from, start + (number + STEP.cast_signed()) * block);
-            self.feed(lay, here, number, phase);
+            let from = start + if self.room.joined { ahead(number).min(0) } else { ahead(number) };
+            self.room.far.bring(self.source::<L>(), from, start + ahead(number + 1));
+            self.feed(lay, start + number * step * block, first + number * step);
         }
     }
 
     /// Asks for what the steps after the next will read and write.
     #[inline(always)]
-    fn ask_ahead(&self, here: isize) {
+    fn ask_ahead<L: Lay<T>>(&self, here: isize) {
         let Shape { block, whole, reach, .. } = self.moments.tables.shape;
-        let (count, ahead) = (STEP * block * self.unit, AHEAD / size_of::<T>());
-        let at = |place: isize| (place.max(0).cast_unsigned() * self.unit).saturating_add(ahead);
+        let (count, ahead) = (STEP * block * L::UNIT, AHEAD / size_of::<T>());
+        let at = |place: isize| (place.max(0).cast_unsigned() * L::UNIT).saturating_add(ahead);
         prefetch(self.x, at(here + ((whole + 1 + STEP) * block + reach).cast_signed()), count);
         if !self.room.joined {
             prefetch(self.x, at(here), count);
@@ -90,48 +93,47 @@ impl<'a, T: Sample> Run<'a, '_, T> {
     }
 
     #[inline(always)]
-    fn source(&self) -> Source<'a, T> {
-        Source { x: self.x, unit: self.unit, on_differences: self.moments.on_differences }
+    fn source<L: Lay<T>>(&self) -> Source<'a, T> {
+        Source { x: self.x, unit: L::UNIT, on_differences: self.moments.on_differences }
     }
 
     /// The stream that the step at `here` reads.
     #[inline(always)]
-    fn bring(&mut self, here: isize) {
-        let (source, room) = (self.source(), &mut *self.room);
+    fn bring<L: Lay<T>>(&mut self, here: isize) {
+        let (source, room) = (self.source::<L>(), &mut *self.room);
         let Shape { block, whole, reach, .. } = self.moments.tables.shape;
         let (step, whole) = ((STEP * block).cast_signed(), (whole * block).cast_signed());
         let until = here + whole + block.cast_signed() + step + reach.cast_signed();
-        let from = if room.joined { here } else { here + whole };
-        room.far.bring(source, from, until);
+        room.far.bring(source, if room.joined { here } else { here + whole }, until);
         if !room.joined {
             room.near.bring(source, here, here + step);
         }
     }
 
-    /// The moments of the blocks from `number` on, counted from that of the first output, and what follows from them; `here`
-    /// is where the outputs start that need the first of them as their last.
+    /// The moments of the last whole blocks of the step at `here`, which starts with `block` of the row, and what follows from
+    /// them.
     #[inline(always)]
-    fn feed<L: Lay<T>>(&mut self, lay: L, here: isize, number: isize, phase: usize) {
-        let Self { moments: Moments { tables, .. }, unit, room, .. } = self;
+    fn feed<L: Lay<T>>(&mut self, lay: L, here: isize, block: isize) {
+        let Self { moments: Moments { tables, .. }, room, .. } = self;
         let shape = tables.shape;
-        let width = lay.width(tables);
-        let at = here + (shape.whole * shape.block).cast_signed();
-        let Some(group) = shape.group else {
-            let moments = room.plain.next(STEP * width, shape.whole * width);
-            lay.moments(tables, room.far.from(*unit, at), moments);
+        if shape.whole == 0 {
             return;
+        }
+        let width = lay.width(tables);
+        let samples = room.far.from(L::UNIT, here + (shape.whole * shape.block).cast_signed());
+        let Some(group) = shape.group else {
+            return lay.moments(tables, samples, room.plain.next(STEP * width, shape.whole * width));
         };
-        lay.moments(tables, room.far.from(*unit, at), &mut room.fresh);
-        let (matrix, all) = (shape.moments * tables.stride, number + phase.cast_signed());
-        let place = Place { group: 0, index: all.rem_euclid(group.cast_signed()).cast_unsigned() };
-        let step = (place.index + group - shape.whole % STEP) % group;
-        lay.products(tables, &tables.lift[step * matrix..], &room.fresh, &mut room.parts, false);
+        lay.moments(tables, samples, &mut room.fresh);
+        let place = Place::new(block + shape.whole.cast_signed(), group);
+        let step = (place.index + group - shape.whole % STEP) & (group - 1);
+        let lift = &tables.lift[step * shape.moments * tables.stride..];
+        lay.products(tables, lift, &room.fresh, &mut room.parts, false);
         // The end of one group, which is then complete, and the beginning of the next.
-        let slot = |group: isize| group.rem_euclid(room.slots.cast_signed()).cast_unsigned();
-        let slots = [0, 1].map(|next| slot(all.div_euclid(group.cast_signed()) + next));
         let until = STEP.min(group - place.index);
-        for (slot, part) in slots.into_iter().zip([0..until, until..STEP]) {
-            let start = (place.index + part.start) % group;
+        for (next, part) in (0..).zip([0..until, until..STEP]) {
+            let slot = (place.group + next).cast_unsigned() & (room.slots - 1);
+            let start = (place.index + part.start) & (group - 1);
             let complete = start + part.len() == group;
             let blocks = part.start * width..part.end * width;
             let (parts, sums) = (&room.parts[blocks.clone()], &mut room.prefix[blocks]);
@@ -147,43 +149,43 @@ impl<'a, T: Sample> Run<'a, '_, T> {
         }
     }
 
-    /// The outputs of the step at `here`, number `done` and on from the start of the first block.
+    /// The outputs of a step.
     #[inline(always)]
-    fn deliver<L: Lay<T>>(&mut self, lay: L, here: isize, first: bool, near: Place, lead: usize, done: usize) {
-        let Self { moments: Moments { tables, .. }, x, unit, outs, room, first: window, .. } = self;
+    fn deliver<L: Lay<T>>(&mut self, lay: L, step: &Step) {
+        let Self { moments: Moments { tables, .. }, x, outs, room, first, .. } = self;
+        let Step { here, done, lead, .. } = *step;
         let shape = tables.shape;
-        let length = STEP * shape.block * *unit;
+        let length = STEP * shape.block;
         for (number, (order, out)) in tables.orders.iter().zip(outs.iter_mut()).enumerate() {
-            coefficients(lay, tables, order, number, room, near, first);
-            let after = (here + ((shape.whole + 1) * shape.block).cast_signed(), &room.far);
-            let samples = (if room.joined { &room.far } else { &room.near }).from(*unit, here);
-            let further = after.1.from(*unit, after.0);
+            coefficients(lay, tables, order, number, room, step);
+            let near = (if room.joined { &room.far } else { &room.near }).from(L::UNIT, here);
+            let far = room.far.from(L::UNIT, here + ((shape.whole + 1) * shape.block).cast_signed());
             let own = T::from_f64(order.scale);
             let exact = own.to_f64() == order.scale;
             let scale = if exact { own } else { T::from_f64(1.0) };
             // The part of the step that is wanted.
-            let from = (lead.max(done) - done) * *unit;
-            let until = length.min((lead * *unit + out.len()).saturating_sub(done * *unit));
-            let place = (done + from / *unit - lead) * *unit;
-            let wanted = &mut out[place..place + until - from];
-            if wanted.len() == length {
-                lay.outputs(tables, order, [samples, further], &room.coefficients, scale, wanted);
+            let from = lead.saturating_sub(done);
+            let until = length.min(lead + out.len() / L::UNIT - done);
+            let place = done + from - lead;
+            let wanted = &mut out[place * L::UNIT..(place + until - from) * L::UNIT];
+            if until - from == length {
+                lay.outputs(tables, order, [near, far], &room.coefficients, scale, wanted);
             } else {
-                lay.outputs(tables, order, [samples, further], &room.coefficients, scale, &mut room.spare);
-                wanted.copy_from_slice(&room.spare[from..until]);
+                lay.outputs(tables, order, [near, far], &room.coefficients, scale, &mut room.spare);
+                wanted.copy_from_slice(&room.spare[from * L::UNIT..until * L::UNIT]);
             }
             if !exact {
                 rescale(wanted, order.scale);
             }
             if let Some(anchor) = order.anchor {
-                let x = &x[(*window + anchor) * *unit + place..];
+                let x = &x[(*first + anchor + place) * L::UNIT..];
                 wanted.iter_mut().zip(x).for_each(|(out, sample)| *out = *out + *sample);
             }
         }
     }
 }
 
-/// The coefficients of the outputs of a step, whose first block is `near`.
+/// The coefficients of the outputs of a step.
 #[inline(always)]
 fn coefficients<T: Sample, L: Lay<T>>(
     lay: L,
@@ -191,8 +193,7 @@ fn coefficients<T: Sample, L: Lay<T>>(
     order: &Order<T>,
     number: usize,
     room: &mut Room<T>,
-    near: Place,
-    first: bool,
+    step: &Step,
 ) {
     let shape = tables.shape;
     let width = lay.width(tables);
@@ -202,28 +203,27 @@ fn coefficients<T: Sample, L: Lay<T>>(
     let Some(group) = shape.group else {
         return lay.blocks(tables, order, room.plain.last((shape.whole + STEP - 1) * width), &mut room.coefficients);
     };
-    let (matrix, slot) = (shape.moments * tables.stride, near.group % room.slots);
-    let from = near.index * matrix;
-    let after = &room.lifted[(slot * group + near.index) * width..][..STEP * width];
+    let Place { group: here, index } = Place::new(step.block, group);
+    let matrix = shape.moments * tables.stride;
+    let (from, slot) = (index * matrix, |group: isize| group.cast_unsigned() & (room.slots - 1));
+    let after = &room.lifted[(slot(here) * group + index) * width..][..STEP * width];
     lay.products(tables, &order.near[from..], after, &mut room.coefficients, false);
-    if shape.between(group, group - 1) > 0 {
+    if shape.between > 0 {
         let whole = &mut room.whole[number * width..][..width];
-        let mut known = if near.index == 0 { 0 } else { shape.between(group, near.index - 1) };
-        if near.index == 0 || first {
+        let start = index == 0 || step.done == 0;
+        if start {
             lay.repeat(tables, None, whole);
-            known = 0;
         }
-        for k in 0..STEP {
-            let between = shape.between(group, near.index + k);
-            if k > 0 && between == known {
-                continue;
+        // The last of the whole groups between begins to count within a group.
+        let known = if start { 0 } else { shape.between - usize::from(index <= shape.more) };
+        let turn = shape.more.saturating_sub(index).min(STEP);
+        let counts = [shape.between - usize::from(turn > 0), shape.between - usize::from(turn == STEP)];
+        for (known, count, part) in [(known, counts[0], 0..turn.max(1)), (counts[0], counts[1], turn.max(1)..STEP)] {
+            for distance in known..count {
+                let total = &room.totals[slot(here + 1 + distance.cast_signed()) * width..][..width];
+                lay.product(tables, &order.groups[distance * matrix..], total, whole);
             }
-            for distance in known..between {
-                let slot = (near.group + distance + 1) % room.slots;
-                lay.product(tables, &order.groups[distance * matrix..], &room.totals[slot * width..][..width], whole);
-            }
-            known = between;
-            lay.repeat(tables, Some(whole), &mut room.wholes[k * width..]);
+            lay.repeat(tables, Some(whole), &mut room.wholes[part.start * width..part.end * width]);
         }
         lay.products(tables, &tables.restrict[from..], &room.wholes, &mut room.coefficients, true);
     }
