@@ -16,8 +16,10 @@ const ALLOWED_BOUND: f64 = 1e5;
 /// over parts of a group lose.
 const GROWTH: f64 = 200.0;
 
-/// Numbers of a table that stay in the nearest cache beside the samples.
-const NEAR: usize = 16 << 10;
+/// Bytes of tables up to which they stay in the nearest cache beside the samples, and in the next one, with what an access costs;
+/// and what it costs beyond.
+const CACHES: [(usize, f64); 2] = [(32 << 10, 1.0), (512 << 10, 1.5)];
+const BEYOND: f64 = 4.0;
 
 /// Blocks and groups of a window of `taps` taps.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,7 +32,7 @@ pub struct Shape {
     pub moments: usize,
     /// Whole blocks after the first that every window of a block holds.
     pub whole: usize,
-    /// Samples that every window of a block holds beyond them: from 1 to `block`.
+    /// Samples that every window of a block holds beyond them: up to `block`, and one at least where the last tap stands alone.
     pub reach: usize,
     /// Blocks of a group, where groups are used.
     pub group: Option<usize>,
@@ -42,9 +44,17 @@ pub struct Shape {
     pub cost: (f64, f64),
 }
 
+/// How long windows are, and whether the last tap stands alone.
+#[derive(Clone, Copy)]
+struct Length {
+    taps: usize,
+    alone: bool,
+}
+
 impl Shape {
-    fn new(taps: usize, block: usize, moments: usize, group: Option<usize>, lanes: usize) -> Option<Self> {
-        let whole = ((taps - 1) / block).checked_sub(1)?;
+    fn new(length: Length, block: usize, moments: usize, group: Option<usize>, lanes: usize) -> Option<Self> {
+        let Length { taps, alone } = length;
+        let whole = ((taps - usize::from(alone)) / block).checked_sub(1)?;
         let reach = taps - (whole + 1) * block;
         let mut new = Self { taps, block, moments, whole, reach, group, between: 0, more: 0, cost: (0.0, 0.0) };
         if let Some(group) = group {
@@ -65,10 +75,11 @@ impl Shape {
 
     fn for_polynomials(polynomials: &[(Smooth, Polynomial)], lanes: usize) -> Option<Self> {
         let moments = polynomials.iter().map(|(_, polynomial)| polynomial.coefficients.len()).max()?;
-        let taps = polynomials.first()?.0.taps.len();
+        let alone = !polynomials.iter().all(|(_, polynomial)| polynomial.to_the_end);
+        let length = Length { taps: polynomials.first()?.0.taps.len(), alone };
         let groups = [None].into_iter().chain((STEP.trailing_zeros()..=11).map(|octave| Some(1 << octave)));
         groups
-            .flat_map(|group| BLOCKS.map(|block| Self::new(taps, block, moments, group, lanes)))
+            .flat_map(|group| BLOCKS.map(|block| Self::new(length, block, moments, group, lanes)))
             .flatten()
             .min_by(|one, other| one.total().total_cmp(&other.total()))
     }
@@ -78,6 +89,7 @@ impl Shape {
     }
 
     fn cost(&self, lanes: usize) -> (f64, f64) {
+        let lanes_of_line = lanes;
         let [block, moments, whole, lanes] = [self.block, self.moments, self.whole, lanes].map(|size| size as f64);
         let registers = (moments / lanes).ceil();
         let product = moments * registers / block;
@@ -88,8 +100,8 @@ impl Shape {
         let (shared, each) = match self.group {
             None => (0.0, product * whole),
             Some(group) => {
-                // Tables that leave the nearest cache cost as much again.
-                let far = if 4 * group * self.moments * self.moments > NEAR / 8 { 2.0 } else { 1.0 };
+                let bytes = 64 * 4 * group * self.moments * self.moments.div_ceil(lanes_of_line);
+                let far = CACHES.iter().find(|(size, _)| bytes <= *size).map_or(BEYOND, |(_, cost)| *cost);
                 let groups = if self.between > 0 { 1.0 } else { 0.0 };
                 (far * product + 2.0 * registers / block, far * product * (2.0 + groups + whole / (group * group) as f64))
             }

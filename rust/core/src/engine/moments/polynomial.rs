@@ -56,6 +56,8 @@ pub struct Polynomial {
     middle: f64,
     count: f64,
     pub residual: f64,
+    /// Whether the last tap lies on it as well.
+    pub to_the_end: bool,
 }
 
 impl Polynomial {
@@ -63,7 +65,7 @@ impl Polynomial {
     fn through(taps: &[f64]) -> Result<Option<Self>, Error> {
         let inner = &taps[1..taps.len() - 1];
         let (middle, count) = (0.5 * (taps.len() - 1) as f64, inner.len() as f64);
-        let mut found = Self { coefficients: Vec::new(), middle, count, residual: f64::INFINITY };
+        let mut found = Self { coefficients: Vec::new(), middle, count, residual: f64::INFINITY, to_the_end: false };
         let mut rest = try_vec(inner.len(), 0.0)?;
         rest.copy_from_slice(inner);
         let mut older = try_vec(inner.len(), 0.0)?;
@@ -76,6 +78,8 @@ impl Polynomial {
             found.coefficients.push(coefficient);
             found.residual = rest.iter().fold(0.0, |peak: f64, r| peak.max(r.abs()));
             if found.residual <= allowed {
+                let last = taps.len() - 1;
+                found.to_the_end = (taps[last] - found.at(last as f64)).abs() <= allowed;
                 return Ok(Some(found));
             }
             let factor = found.factor(degree);
