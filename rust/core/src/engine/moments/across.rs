@@ -10,7 +10,7 @@ use pulp::{Simd, WithSimd};
 use super::super::Sample;
 use super::design::{Order, Tables};
 use super::lay::Lay;
-use super::run::{Run, STEP};
+use super::run::{FEW, Run};
 
 /// Outputs that are computed together.
 const TILE: usize = 4;
@@ -236,7 +236,8 @@ impl<T: Sample, S: Simd, const R: usize> Lay<T> for Across<T, S, R> {
     fn products(self, tables: &Tables<T>, matrices: &[T], from: &[T], to: &mut [T], add: bool) {
         let (width, stride) = (self.width(tables), tables.stride);
         for (n, (from, to)) in from.chunks_exact(width).zip(to.chunks_exact_mut(width)).enumerate() {
-            self.one(tables, (&matrices[n * stride..], STEP * stride), from, to, add);
+            let matrix = &matrices[(n / FEW * FEW * tables.shape.moments + n % FEW) * stride..];
+            self.one(tables, (matrix, FEW * stride), from, to, add);
         }
     }
 

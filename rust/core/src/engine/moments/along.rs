@@ -11,7 +11,7 @@ use pulp::{Simd, WithSimd};
 use super::super::Sample;
 use super::design::{Order, Tables};
 use super::lay::Lay;
-use super::run::{Run, STEP};
+use super::run::{FEW, Run};
 
 /// `V` registers hold a block of outputs, `W` the moments of a block; `N` blocks are computed together.
 #[derive(Debug, Clone, Copy)]
@@ -182,18 +182,20 @@ impl<T: Sample, S: Simd, const V: usize, const W: usize, const N: usize> Lay<T> 
 
     #[inline(always)]
     fn moments(self, tables: &Tables<T>, samples: &[T], moments: &mut [T]) {
-        let samples = &samples[..STEP * Self::BLOCK];
-        let basis = T::registers::<S>(&tables.basis);
-        let moments = &mut T::registers_mut::<S>(moments)[..STEP * W];
-        for register in 0..Self::registers(tables) {
-            let mut sums = [self.zero(); STEP];
-            for (at, row) in basis.chunks_exact(W).enumerate().take(Self::BLOCK) {
-                for n in 0..STEP {
-                    sums[n] = self.fused(T::splat(self.simd, samples[n * Self::BLOCK + at]), row[register], sums[n]);
+                let basis = T::registers::<S>(&tables.basis);
+        let few = samples.chunks_exact(FEW * Self::BLOCK);
+        for (samples, moments) in few.zip(T::registers_mut::<S>(moments).chunks_exact_mut(FEW * W)) {
+            for register in 0..Self::registers(tables) {
+                let mut sums = [self.zero(); FEW];
+                for (at, row) in basis.chunks_exact(W).enumerate().take(Self::BLOCK) {
+                    for n in 0..FEW {
+                        let sample = T::splat(self.simd, samples[n * Self::BLOCK + at]);
+                        sums[n] = self.fused(sample, row[register], sums[n]);
+                    }
                 }
-            }
-            for n in 0..STEP {
-                moments[n * W + register] = sums[n];
+                for n in 0..FEW {
+                    moments[n * W + register] = sums[n];
+                }
             }
         }
     }
@@ -212,24 +214,28 @@ impl<T: Sample, S: Simd, const V: usize, const W: usize, const N: usize> Lay<T> 
 
     #[inline(always)]
     fn products(self, tables: &Tables<T>, matrices: &[T], from: &[T], to: &mut [T], add: bool) {
-        let from = &from[..STEP * Self::WIDTH];
-        let rows = T::registers::<S>(matrices).chunks_exact(STEP * W).take(tables.shape.moments.min(Self::WIDTH));
-        let to = &mut T::registers_mut::<S>(to)[..STEP * W];
-        for register in 0..Self::registers(tables) {
-            let mut sums = [self.zero(); STEP];
-            if add {
-                for n in 0..STEP {
-                    sums[n] = to[n * W + register];
+        let count = tables.shape.moments.min(Self::WIDTH);
+        let mut matrices = T::registers::<S>(matrices);
+        let few = from.chunks_exact(FEW * Self::WIDTH);
+        for (from, to) in few.zip(T::registers_mut::<S>(to).chunks_exact_mut(FEW * W)) {
+            let (rows, rest) = matrices.split_at(count * FEW * W);
+            matrices = rest;
+            for register in 0..Self::registers(tables) {
+                let mut sums = [self.zero(); FEW];
+                if add {
+                    for n in 0..FEW {
+                        sums[n] = to[n * W + register];
+                    }
                 }
-            }
-            for (d, rows) in rows.clone().enumerate() {
-                for n in 0..STEP {
-                    let value = T::splat(self.simd, from[n * Self::WIDTH + d]);
-                    sums[n] = self.fused(value, rows[n * W + register], sums[n]);
+                for (d, rows) in rows.chunks_exact(FEW * W).enumerate().take(Self::WIDTH) {
+                    for n in 0..FEW {
+                        let value = T::splat(self.simd, from[n * Self::WIDTH + d]);
+                        sums[n] = self.fused(value, rows[n * W + register], sums[n]);
+                    }
                 }
-            }
-            for n in 0..STEP {
-                to[n * W + register] = sums[n];
+                for n in 0..FEW {
+                    to[n * W + register] = sums[n];
+                }
             }
         }
     }
@@ -277,22 +283,25 @@ impl<T: Sample, S: Simd, const V: usize, const W: usize, const N: usize> Lay<T> 
 
     #[inline(always)]
     fn blocks(self, tables: &Tables<T>, order: &Order<T>, moments: &[T], coefficients: &mut [T]) {
-        let count = tables.shape.moments.min(Self::WIDTH);
-        let rows = T::registers::<S>(&order.near);
-        let coefficients = &mut T::registers_mut::<S>(coefficients)[..STEP * W];
-        for register in 0..Self::registers(tables) {
-            let mut sums = [self.zero(); STEP];
-            for (distance, rows) in rows.chunks_exact(count * W).enumerate() {
-                let moments = &moments[distance * Self::WIDTH..][..STEP * Self::WIDTH];
-                for (d, row) in rows.chunks_exact(W).enumerate().take(count) {
-                    for n in 0..STEP {
-                        let moment = T::splat(self.simd, moments[n * Self::WIDTH + d]);
-                        sums[n] = self.fused(moment, row[register], sums[n]);
+        let (count, matrices) = (tables.shape.moments.min(Self::WIDTH), T::registers::<S>(&order.near));
+        let few = T::registers_mut::<S>(coefficients).chunks_exact_mut(FEW * W);
+        for (number, coefficients) in few.enumerate() {
+            let moments = &moments[number * FEW * Self::WIDTH..];
+            for register in 0..Self::registers(tables) {
+                let mut sums = [self.zero(); FEW];
+                for distance in 0..tables.shape.whole {
+                    let moments = &moments[distance * Self::WIDTH..][..FEW * Self::WIDTH];
+                    let rows = &matrices[distance * count * W..][..count * W];
+                    for (d, row) in rows.chunks_exact(W).enumerate().take(Self::WIDTH) {
+                        for n in 0..FEW {
+                            let moment = T::splat(self.simd, moments[n * Self::WIDTH + d]);
+                            sums[n] = self.fused(moment, row[register], sums[n]);
+                        }
                     }
                 }
-            }
-            for n in 0..STEP {
-                coefficients[n * W + register] = sums[n];
+                for n in 0..FEW {
+                    coefficients[n * W + register] = sums[n];
+                }
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use super::super::buffer::Buffer;
 use super::super::{Sample, Taps};
-use super::run::STEP;
+use super::run::{FEW, STEP};
 use super::polynomial::{Legendre, Polynomial, Smooth, polynomials};
 use crate::error::{Error, try_vec};
 
@@ -20,6 +20,9 @@ const GROWTH: f64 = 200.0;
 /// and what it costs beyond.
 const CACHES: [(usize, f64); 2] = [(32 << 10, 1.0), (512 << 10, 1.5)];
 const BEYOND: f64 = 4.0;
+
+/// What comes with every block, in multiplications.
+const OVERHEAD: f64 = 16.0;
 
 /// Blocks and groups of a window of `taps` taps.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -93,9 +96,10 @@ impl Shape {
         let [block, moments, whole, lanes] = [self.block, self.moments, self.whole, lanes].map(|size| size as f64);
         let registers = (moments / lanes).ceil();
         let product = moments * registers / block;
+        let overhead = OVERHEAD / block;
         let triangle = (block + self.reach as f64) / lanes;
         if self.whole == 0 {
-            return (0.0, triangle);
+            return (overhead, triangle);
         }
         let (shared, each) = match self.group {
             None => (0.0, product * whole),
@@ -106,7 +110,7 @@ impl Shape {
                 (far * product + 2.0 * registers / block, far * product * (2.0 + groups + whole / (group * group) as f64))
             }
         };
-        (registers + shared, triangle + moments / lanes + each)
+        (overhead + registers + shared, triangle + moments / lanes + each)
     }
 
     /// Elements of a block's moments where they fill registers.
@@ -136,7 +140,7 @@ pub struct Order<T> {
     pub scale: f64,
     pub anchor: Option<usize>,
     /// What the moments of blocks add to the coefficients of the outputs, a row for every moment. Without groups: the matrices
-    /// of the blocks after the first. With groups: of those to the end of the group, for every block of it, by steps, ...
+    /// of the blocks after the first. With groups: of those to the end of the group, for every block of it, a few together, ...
     pub near: Buffer<T>,
     /// ... of those from the start of the group in which the whole blocks end, likewise, ...
     pub far: Buffer<T>,
@@ -155,10 +159,10 @@ pub struct Tables<T> {
     pub basis: Buffer<T>,
     /// The same, a row for every d.
     pub places: Buffer<T>,
-    /// For every block of a group: what its moment d' adds to the group's moment d, a row for every d'; by steps of those
-    /// blocks in which the whole ones end.
+    /// For every block of a group: what its moment d' adds to the group's moment d, a row for every d'; a few
+    /// together, as the whole blocks end in them.
     pub lift: Buffer<T>,
-    /// For every block of a group: what the group's coefficient e adds to the block's e', a row for every e; by steps.
+    /// For every block of a group: what the group's coefficient e adds to the block's e', a row for every e; a few together.
     pub restrict: Buffer<T>,
     pub error_bound: f64,
 }
@@ -196,8 +200,8 @@ impl<T: Sample> Tables<T> {
             stride,
             basis: narrow(&padded(&values.concat(), moments, stride))?,
             places: narrow(&places)?,
-            lift: narrow(&by_steps(&padded(&lift.concat(), moments, stride), moments, stride, shape.whole % STEP))?,
-            restrict: narrow(&by_steps(&padded(&restrict.concat(), moments, stride), moments, stride, 0))?,
+            lift: narrow(&by_few(&padded(&lift.concat(), moments, stride), moments, stride, shape.whole % FEW))?,
+            restrict: narrow(&by_few(&padded(&restrict.concat(), moments, stride), moments, stride, 0))?,
             error_bound,
         }))
     }
@@ -261,7 +265,7 @@ impl Matrices {
     fn order<T: Sample>(self, shape: &Shape, order: &Taps, smooth: &Smooth) -> Result<Order<T>, Error> {
         let Smooth { taps, anchor } = smooth;
         let stride = shape.stride::<T>();
-        let steps = |matrices: &[f64]| narrow(&by_steps(matrices, shape.moments, stride, 0));
+        let few = |matrices: &[f64]| narrow(&by_few(matrices, shape.moments, stride, 0));
         let (block, after) = (shape.block, shape.taps - shape.reach);
         let lines = |start: usize, count: usize| (start..start + count).flat_map(move |k| (0..block).map(move |i| (k, i)));
         let rest: Vec<f64> = lines(after, shape.reach).map(|(k, i)| taps[k - i]).collect();
@@ -273,8 +277,8 @@ impl Matrices {
             ring: narrow(&ring)?,
             scale: order.scale,
             anchor: *anchor,
-            near: if shape.group.is_some() { steps(&self.near) } else { narrow(&self.near) }?,
-            far: steps(&self.far)?,
+            near: if shape.group.is_some() { few(&self.near) } else { narrow(&self.near) }?,
+            far: few(&self.far)?,
             groups: narrow(&self.groups)?,
         })
     }
@@ -292,14 +296,14 @@ fn padded(values: &[f64], width: usize, stride: usize) -> Vec<f64> {
     values.chunks(width).flat_map(row).collect()
 }
 
-/// Matrices of the blocks of a group as steps take them: first the first rows of all blocks of a step, and so on; the first
-/// step starts with block `first`.
-fn by_steps(matrices: &[f64], moments: usize, stride: usize, first: usize) -> Vec<f64> {
+/// Matrices of the blocks of a group as they are taken: first the first rows of a few blocks, then their second rows, and so
+/// on; the first few start with block `first`.
+fn by_few(matrices: &[f64], moments: usize, stride: usize, first: usize) -> Vec<f64> {
     let group = matrices.len() / (moments * stride);
     let row = |block: usize, d: usize| &matrices[((first + block) % group * moments + d) * stride..][..stride];
     (0..group)
-        .step_by(STEP)
-        .flat_map(|step| (0..moments).flat_map(move |d| (step..step + STEP).map(move |block| (block, d))))
+        .step_by(FEW)
+        .flat_map(|few| (0..moments).flat_map(move |d| (few..few + FEW).map(move |block| (block, d))))
         .flat_map(|(block, d)| row(block, d))
         .copied()
         .collect()

@@ -15,7 +15,7 @@ pub trait Lay<T: Sample>: Copy {
     fn moments(self, tables: &Tables<T>, samples: &[T], moments: &mut [T]);
     /// `to += matrix from`.
     fn product(self, tables: &Tables<T>, matrix: &[T], from: &[T], to: &mut [T]);
-    /// `to += matrix from`, or `to = matrix from`, for each block of a step, with matrices by steps.
+    /// `to += matrix from`, or `to = matrix from`, for each block of `to`, with matrices for [`super::run::FEW`] blocks at a time.
     fn products(self, tables: &Tables<T>, matrices: &[T], from: &[T], to: &mut [T], add: bool);
     /// `from` in every block of `to`, or zero.
     fn repeat(self, tables: &Tables<T>, from: Option<&[T]>, to: &mut [T]);

@@ -82,6 +82,8 @@ pub struct Tail<T> {
 
 impl<T: Sample> Tail<T> {
     /// Room for the next `count` values; `kept` before them stay.
+    #[inline(always)]
+    #[expect(clippy::inline_always, reason = "a slice")]
     pub fn next(&mut self, count: usize, kept: usize) -> &mut [T] {
         if self.end + count > self.values.len() {
             let from = self.end.saturating_sub(kept);

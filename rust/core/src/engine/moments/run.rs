@@ -13,8 +13,11 @@ use super::design::{Order, Shape, Tables};
 use super::lay::Lay;
 use super::room::{Place, Room, Source};
 
-/// Blocks that are worked on at a time.
-pub const STEP: usize = 8;
+/// Blocks that are worked on at a time: enough for what happens once a step not to count.
+pub const STEP: usize = 16;
+
+/// Blocks whose sums are held in registers together: enough for these to be busy.
+pub const FEW: usize = 8;
 
 /// Bytes that are asked for before they are needed.
 const AHEAD: usize = 4096;
@@ -126,9 +129,12 @@ impl<'a, T: Sample> Run<'a, '_, T> {
         };
         lay.moments(tables, samples, &mut room.fresh);
         let place = Place::new(block + shape.whole.cast_signed(), group);
-        let step = (place.index + group - shape.whole % STEP) & (group - 1);
-        let lift = &tables.lift[step * shape.moments * tables.stride..];
-        lay.products(tables, lift, &room.fresh, &mut room.parts, false);
+        let few = room.fresh.chunks_exact(FEW * width).zip(room.parts.chunks_exact_mut(FEW * width));
+        for (number, (fresh, parts)) in few.enumerate() {
+            let at = (place.index + number * FEW + group - shape.whole % FEW) & (group - 1);
+            let lift = &tables.lift[at * shape.moments * tables.stride..];
+            lay.products(tables, lift, fresh, parts, false);
+        }
         // The end of one group, which is then complete, and the beginning of the next.
         let until = STEP.min(group - place.index);
         for (next, part) in (0..).zip([0..until, until..STEP]) {
