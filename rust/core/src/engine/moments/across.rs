@@ -4,6 +4,7 @@
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
 )]
+#![expect(clippy::needless_range_loop, reason = "sums stay in registers where all indices are known when compiled")]
 
 use pulp::{Simd, WithSimd};
 
@@ -12,15 +13,12 @@ use super::design::{Order, Tables};
 use super::lay::Lay;
 use super::run::{FEW, Run};
 
-/// Outputs that are computed together.
-const TILE: usize = 4;
-
 /// The lanes of one place, in `R` registers.
 type Lanes<T, S, const R: usize> = [<T as Sample>::Register<S>; R];
 
-/// Places of `R` registers.
+/// Places of `R` registers; `N` outputs are computed together.
 #[derive(Debug, Clone, Copy)]
-struct Across<T: Sample, S: Simd, const R: usize> {
+struct Across<T: Sample, S: Simd, const R: usize, const N: usize> {
     simd: S,
     zero: Lanes<T, S, R>,
 }
@@ -34,11 +32,11 @@ impl<T: Sample> WithSimd for Rows<'_, '_, T> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
         match 64 / size_of::<T::Register<S>>() {
-            1 => self.0.go(Across::<T, S, 1>::new(simd)),
-            2 => self.0.go(Across::<T, S, 2>::new(simd)),
-            4 => self.0.go(Across::<T, S, 4>::new(simd)),
-            8 => self.0.go(Across::<T, S, 8>::new(simd)),
-            _ => self.0.go(Across::<T, S, 16>::new(simd)),
+            1 => self.0.go(Across::<T, S, 1, 8>::new(simd)),
+            2 => self.0.go(Across::<T, S, 2, 4>::new(simd)),
+            4 => self.0.go(Across::<T, S, 4, 4>::new(simd)),
+            8 => self.0.go(Across::<T, S, 8, 4>::new(simd)),
+            _ => self.0.go(Across::<T, S, 16, 4>::new(simd)),
         }
     }
 }
@@ -93,7 +91,7 @@ macro_rules! by_parts {
     };
 }
 
-impl<T: Sample, S: Simd, const R: usize> Across<T, S, R> {
+impl<T: Sample, S: Simd, const R: usize, const N: usize> Across<T, S, R, N> {
     #[inline(always)]
     fn new(simd: S) -> Self {
         Self { simd, zero: [T::splat(simd, T::default()); R] }
@@ -128,27 +126,26 @@ impl<T: Sample, S: Simd, const R: usize> Across<T, S, R> {
         *sums = held;
     }
 
-    /// Samples that all outputs of a tile use, each with the four taps of its window.
+    /// Samples that all outputs of a tile use, each with the taps of their windows.
     #[inline(always)]
-    fn slide(self, sums: &mut [Lanes<T, S, R>; TILE], taps: &[T], samples: &[T]) {
-        for (sample, window) in samples.chunks_exact(T::LANES).zip(taps.windows(TILE)) {
+    fn slide(self, sums: &mut [Lanes<T, S, R>; N], taps: &[T], samples: &[T]) {
+        for (sample, window) in samples.chunks_exact(T::LANES).zip(taps.windows(N)) {
             let lanes = load::<T, S, R>(sample);
-            self.add_to(&mut sums[3], window[0], &lanes);
-            self.add_to(&mut sums[2], window[1], &lanes);
-            self.add_to(&mut sums[1], window[2], &lanes);
-            self.add_to(&mut sums[0], window[3], &lanes);
+            for p in 0..N {
+                self.add_to(&mut sums[p], window[N - 1 - p], &lanes);
+            }
         }
     }
 
     /// What the samples to the end of the block add: output p starts at sample p.
     #[inline(always)]
-    fn beginnings(self, sums: &mut [Lanes<T, S, R>; TILE], taps: &[T], samples: &[T]) {
-        let (first, rest) = samples.split_at(TILE * T::LANES);
+    fn beginnings(self, sums: &mut [Lanes<T, S, R>; N], taps: &[T], samples: &[T]) {
+        let (first, rest) = samples.split_at(N * T::LANES);
         let mut held = *sums;
-        for (k, sample) in first.chunks_exact(T::LANES).enumerate() {
-            let lanes = load::<T, S, R>(sample);
-            for (p, sum) in held.iter_mut().enumerate().take(k + 1) {
-                self.add_to(sum, taps[k - p], &lanes);
+        for k in 0..N {
+            let lanes = load::<T, S, R>(&first[k * T::LANES..]);
+            for p in 0..=k {
+                self.add_to(&mut held[p], taps[k - p], &lanes);
             }
         }
         self.slide(&mut held, &taps[1..], rest);
@@ -158,15 +155,15 @@ impl<T: Sample, S: Simd, const R: usize> Across<T, S, R> {
     /// What the last samples add: the window of output p ends with `length + p` of them; `taps` are the last ones, as many
     /// as the longest of these ends holds.
     #[inline(always)]
-    fn ends(self, sums: &mut [Lanes<T, S, R>; TILE], taps: &[T], samples: &[T], length: usize) {
+    fn ends(self, sums: &mut [Lanes<T, S, R>; N], taps: &[T], samples: &[T], length: usize) {
         let (rest, last) = samples.split_at(length * T::LANES);
         let mut held = *sums;
         self.slide(&mut held, taps, rest);
-        let taps = &taps[length..length + TILE - 1];
-        for (k, sample) in last.chunks_exact(T::LANES).take(TILE - 1).enumerate() {
-            let lanes = load::<T, S, R>(sample);
-            for (p, sum) in held.iter_mut().enumerate().skip(k + 1) {
-                self.add_to(sum, taps[TILE - 1 + k - p], &lanes);
+        let taps = &taps[length..length + N - 1];
+        for k in 0..N - 1 {
+            let lanes = load::<T, S, R>(&last[k * T::LANES..]);
+            for p in k + 1..N {
+                self.add_to(&mut held[p], taps[N - 1 + k - p], &lanes);
             }
         }
         *sums = held;
@@ -188,7 +185,7 @@ impl<T: Sample, S: Simd, const R: usize> Across<T, S, R> {
     }
 }
 
-impl<T: Sample, S: Simd, const R: usize> Across<T, S, R> {
+impl<T: Sample, S: Simd, const R: usize, const N: usize> Across<T, S, R, N> {
     /// `to = matrix from`, or `to += matrix from`.
     #[inline(always)]
     fn one(self, tables: &Tables<T>, matrix: (&[T], usize), from: &[T], to: &mut [T], add: bool) {
@@ -206,7 +203,7 @@ impl<T: Sample, S: Simd, const R: usize> Across<T, S, R> {
     }
 }
 
-impl<T: Sample, S: Simd, const R: usize> Lay<T> for Across<T, S, R> {
+impl<T: Sample, S: Simd, const R: usize, const N: usize> Lay<T> for Across<T, S, R, N> {
     const UNIT: usize = T::LANES;
 
     #[inline(always)]
@@ -308,12 +305,12 @@ impl<T: Sample, S: Simd, const R: usize> Lay<T> for Across<T, S, R> {
         for (block, out) in out.chunks_exact_mut(length).enumerate() {
             let coefficients = &coefficients[block * width..][..counted];
             let (near, far) = (&near[block * length..][..length], &far[block * length..]);
-            for (start, out) in (0..).step_by(TILE).zip(out.chunks_exact_mut(TILE * T::LANES)) {
-                let mut sums = [self.zero; TILE];
+            for (start, out) in (0..).step_by(N).zip(out.chunks_exact_mut(N * T::LANES)) {
+                let mut sums = [self.zero; N];
                 let rows = tables.places.chunks_exact(shape.block).map(|row| &row[start..]);
                 self.combine(&mut sums, coefficients, rows);
                 let samples = shape.reach + start;
-                self.ends(&mut sums, &order.taps[shape.taps - samples - (TILE - 1)..], far, samples);
+                self.ends(&mut sums, &order.taps[shape.taps - samples - (N - 1)..], far, samples);
                 self.beginnings(&mut sums, &order.taps, &near[start * T::LANES..]);
                 let scale = T::splat(self.simd, scale);
                 let sums = sums.as_flattened();

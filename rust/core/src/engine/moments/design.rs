@@ -22,7 +22,7 @@ const CACHES: [(usize, f64); 2] = [(32 << 10, 1.0), (512 << 10, 1.5)];
 const BEYOND: f64 = 4.0;
 
 /// What comes with every block, in multiplications.
-const OVERHEAD: f64 = 16.0;
+const OVERHEAD: f64 = 28.0;
 
 /// Blocks and groups of a window of `taps` taps.
 #[derive(Debug, Clone, Copy, PartialEq)]
