@@ -205,6 +205,7 @@ impl<T: Sample, S: Simd, const R: usize, const N: usize> Across<T, S, R, N> {
 
 impl<T: Sample, S: Simd, const R: usize, const N: usize> Lay<T> for Across<T, S, R, N> {
     const UNIT: usize = T::LANES;
+    const TOGETHER: usize = 1;
 
     #[inline(always)]
     fn width(self, tables: &Tables<T>) -> usize {

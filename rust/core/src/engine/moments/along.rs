@@ -174,6 +174,7 @@ impl<T: Sample, S: Simd, const V: usize, const W: usize, const N: usize> Along<T
 
 impl<T: Sample, S: Simd, const V: usize, const W: usize, const N: usize> Lay<T> for Along<T, S, V, W, N> {
     const UNIT: usize = 1;
+    const TOGETHER: usize = N;
 
     #[inline(always)]
     fn width(self, _tables: &Tables<T>) -> usize {

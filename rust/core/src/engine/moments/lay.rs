@@ -9,6 +9,8 @@ use super::design::{Order, Tables};
 pub trait Lay<T: Sample>: Copy {
     /// Values of a sample.
     const UNIT: usize;
+    /// Blocks whose outputs are computed together.
+    const TOGETHER: usize;
     /// Values of the moments of a block.
     fn width(self, tables: &Tables<T>) -> usize;
     /// The moments of the first blocks of `samples`, as many as `moments` has room for.
@@ -26,7 +28,7 @@ pub trait Lay<T: Sample>: Copy {
     /// The coefficients of blocks from the moments of those after each, without groups; `moments` starts with those of the
     /// block after the first.
     fn blocks(self, tables: &Tables<T>, order: &Order<T>, moments: &[T], coefficients: &mut [T]);
-    /// The outputs of blocks, times `scale`, as many as there are coefficients for; `samples` are those of the blocks, and
+    /// The outputs of blocks, times `scale`, as many as `out` has room for; `samples` are those of the blocks, and
     /// those after the whole blocks of the first.
     fn outputs(
         self,

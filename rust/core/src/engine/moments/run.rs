@@ -169,16 +169,20 @@ impl<'a, T: Sample> Run<'a, '_, T> {
             let own = T::from_f64(order.scale);
             let exact = own.to_f64() == order.scale;
             let scale = if exact { own } else { T::from_f64(1.0) };
-            // The part of the step that is wanted.
-            let from = lead.saturating_sub(done);
-            let until = length.min(lead + out.len() / L::UNIT - done);
+            // The part of the step that is wanted, and what is computed with it.
+            let (from, until) = (lead.saturating_sub(done), length.min(lead + out.len() / L::UNIT - done));
+            let grain = L::TOGETHER * shape.block;
+            let (start, end) = (from / grain * grain, until.next_multiple_of(grain).min(length));
             let place = done + from - lead;
             let wanted = &mut out[place * L::UNIT..(place + until - from) * L::UNIT];
-            if until - from == length {
-                lay.outputs(tables, order, [near, far], &room.coefficients, scale, wanted);
+            let samples = [&near[start * L::UNIT..], &far[start * L::UNIT..]];
+            let coefficients = &room.coefficients[start / shape.block * lay.width(tables)..];
+            if end - start == until - from {
+                lay.outputs(tables, order, samples, coefficients, scale, wanted);
             } else {
-                lay.outputs(tables, order, [near, far], &room.coefficients, scale, &mut room.spare);
-                wanted.copy_from_slice(&room.spare[from * L::UNIT..until * L::UNIT]);
+                let spare = &mut room.spare[..(end - start) * L::UNIT];
+                lay.outputs(tables, order, samples, coefficients, scale, spare);
+                wanted.copy_from_slice(&spare[(from - start) * L::UNIT..(until - start) * L::UNIT]);
             }
             if !exact {
                 rescale(wanted, order.scale);

@@ -149,16 +149,3 @@ fn the_first_and_the_last_tap_are_free() {
         assert!((got - expected).abs() <= 1e-12);
     }
 }
-
-#[test]
-fn print_bounds() {
-    for length in [61, 111, 501, 1001, 4001, 20_001, 100_001] {
-        for degree in [2, 3, 4, 5, 7] {
-            let weights = weights(length, degree, 0.0);
-            let taps = Taps::on_differences(&weights, None).expect("small");
-            if let Some(m) = Moments::<f64>::new(&[&taps]).expect("x") {
-                println!("{length} {degree} {:?} {:.0}", m.shape(), m.error_bound());
-            } else { println!("{length} {degree} refused"); }
-        }
-    }
-}
