@@ -1,46 +1,68 @@
 //! Which engine is likely to be the fastest: a model of what one output costs.
 //!
-//! The constants are nanoseconds of one core with 32-byte registers, fitted to `benches/engines.py`; only their ratios
-//! matter. The length of the data is not among the arguments, so that a part of a row is computed as the whole row is.
+//! The constants are nanoseconds of one core, fitted to `benches/engines.py`; only their ratios matter, and those depend on how
+//! long the CPU's registers are. The length of the data is not among the arguments, so that a part of a row is computed as
+//! the whole row is.
+
+use pulp::{Arch, Simd, WithSimd};
 
 use super::moments::Shape;
 use super::{Engine, Taps, fft};
+
+/// Bytes of the registers of this CPU.
+fn registers() -> usize {
+    struct Size;
+    impl WithSimd for Size {
+        type Output = usize;
+        fn with_simd<S: Simd>(self, _simd: S) -> usize {
+            size_of::<S::f64s>()
+        }
+    }
+    Arch::new().dispatch(Size)
+}
+
+/// What the engines cost on a kind of CPU, in double and in single precision.
+struct Costs {
+    /// A tap, and an output.
+    direct: ([f64; 2], f64),
+    /// A multiplication of 64 bytes, and an order.
+    moments: ([f64; 2], f64),
+    /// A point of a transform.
+    fft: [f64; 2],
+}
+
+/// Registers of 64 bytes: AMD Zen 5.
+const LONG: Costs = Costs { direct: ([0.0165, 0.0082], 0.3), moments: ([0.165, 0.165], 0.1), fft: [2.6, 1.3] };
+
+/// Registers of 32 bytes or fewer: AMD Zen 3.
+const SHORT: Costs = Costs { direct: ([0.048, 0.024], 0.4), moments: ([0.30, 0.30], 0.1), fft: [3.6, 1.9] };
 
 /// The engines for these orders, cheapest first.
 #[must_use]
 pub fn ranked(orders: &[&Taps], single: bool) -> Vec<Engine> {
     let taps = orders.first().map_or(0, |order| order.double.len());
-    let mut costs = vec![(direct(taps, orders.len(), single), Engine::Direct)];
+    let costs = if registers() == 64 { LONG } else { SHORT };
+    let (kind, count) = (usize::from(single), orders.len() as f64);
+    let direct = costs.direct.1 + count * costs.direct.0[kind] * taps as f64;
+    let mut found = vec![(direct, Engine::Direct)];
     // Below this nothing else has a chance, and looking for a polynomial would take longer than short calls do.
-    if taps >= 40 {
-        costs.push((fourier(taps, orders.len(), single), Engine::Fft));
+    if taps >= 30 {
+        found.push((costs.fft[kind] * fourier(taps, orders.len()), Engine::Fft));
         if let Ok(Some(shape)) = Shape::of(orders, if single { 16 } else { 8 }) {
-            costs.push((moments(&shape, orders.len(), single), Engine::Moments));
+            let (shared, each) = shape.cost;
+            let moments = count * costs.moments.1 + costs.moments.0[kind] * (shared + each * count);
+            found.push((moments, Engine::Moments));
         }
     }
-    costs.sort_by(|one, other| one.0.total_cmp(&other.0));
-    costs.into_iter().map(|(_, engine)| engine).collect()
+    found.sort_by(|one, other| one.0.total_cmp(&other.0));
+    found.into_iter().map(|(_, engine)| engine).collect()
 }
 
-/// Bound by the loads and multiplications of every tap.
-fn direct(taps: usize, orders: usize, single: bool) -> f64 {
-    let per_tap = if single { 0.024 } else { 0.048 };
-    0.4 + orders as f64 * per_tap * taps as f64
-}
-
-/// Bound by multiplications.
-fn moments(shape: &Shape, orders: usize, single: bool) -> f64 {
-    let (shared, each) = shape.cost;
-    let per_product = if single { 0.14 } else { 0.14 };
-    0.3 + per_product * (shared + each * orders as f64)
-}
-
-/// One transform forth, and one back for every order.
-fn fourier(taps: usize, orders: usize, single: bool) -> f64 {
+/// One transform forth, and one back for every order, in points of a short one.
+fn fourier(taps: usize, orders: usize) -> f64 {
     let points = fft::points(taps) as f64;
     let octaves = points.log2();
     // Long blocks leave the caches.
-    let per_point = 3.6 + 0.42 * (octaves - 9.0) + 1.5 * (octaves - 16.0).max(0.0);
-    let precision = if single { 0.52 } else { 1.0 };
-    precision * 0.5 * (1 + orders) as f64 * per_point * points / (points - taps as f64 + 1.0)
+    let per_point = 1.0 + 0.12 * (octaves - 9.0) + 0.4 * (octaves - 16.0).max(0.0);
+    0.5 * (1 + orders) as f64 * per_point * points / (points - taps as f64 + 1.0)
 }

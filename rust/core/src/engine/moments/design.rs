@@ -16,10 +16,10 @@ const ALLOWED_BOUND: f64 = 1e5;
 /// over parts of a group lose.
 const GROWTH: f64 = 200.0;
 
-/// Bytes of tables up to which they stay in the nearest cache beside the samples, and in the next one, with what an access costs;
-/// and what it costs beyond.
-const CACHES: [(usize, f64); 2] = [(32 << 10, 1.0), (512 << 10, 1.5)];
-const BEYOND: f64 = 4.0;
+/// What a product with a matrix of a group's tables costs for each of its multiplications, which wait for two loads: with
+/// tables of up to so many bytes in the nearest cache beside the samples, and in the next one; and beyond.
+const CACHES: [(usize, f64); 2] = [(32 << 10, 2.5), (512 << 10, 3.0)];
+const BEYOND: f64 = 6.0;
 
 /// What comes with every block, in multiplications.
 const OVERHEAD: f64 = 28.0;
