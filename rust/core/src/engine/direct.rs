@@ -37,11 +37,8 @@ const TILE: usize = 8;
 /// Strides of taps that a sample is used for while it is in a register, at most.
 const DEPTH: usize = 4;
 
-/// Taps up to which strides are [`NARROW`].
-const FEW: usize = DEPTH * NARROW;
-
-/// Taps of a stride where there are few, as otherwise hardly any sample would be used twice. Others have [`Sample::LANES`].
-const NARROW: usize = 4;
+/// Taps up to which strides are of 32 bytes, as otherwise hardly any sample would be used twice; others are of 64 bytes.
+const FEW: usize = 16;
 
 /// The taps of every order.
 #[derive(Debug)]
@@ -80,9 +77,9 @@ impl<T: Sample> Direct<T> {
         self.orders.iter().map(|order| order.taps.len()).sum()
     }
 
-    /// Whether strides are [`NARROW`].
+    /// Whether strides are of 32 bytes.
     fn few(&self) -> bool {
-        self.span - usize::from(self.on_differences) <= FEW
+        self.span.saturating_sub(usize::from(self.on_differences)) <= FEW
     }
 
     pub(super) fn apply(
@@ -113,9 +110,9 @@ impl<T: Sample> Direct<T> {
     ) -> Result<Rows<'a, 'o, T>, Error> {
         if self.on_differences {
             // A rest that is shorter than a register joins the block before.
-            at_least(&mut scratch.differences, BLOCK_BYTES / size_of::<T>() + T::LANES + self.span)?;
+            at_least(&mut scratch.differences, BLOCK_BYTES / size_of::<T>() + 2 * T::LANES + self.span)?;
         }
-        Ok(Rows { direct: self, x, outs, differences: &mut scratch.differences })
+        Ok(Rows { direct: self, x, outs, differences: aligned(&mut scratch.differences) })
     }
 }
 
@@ -132,10 +129,9 @@ impl<T: Sample> WithSimd for Rows<'_, '_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let few = self.direct.few();
-        match T::LANES {
-            _ if few => self.run::<S, NARROW>(simd),
-            8 => self.run::<S, 8>(simd),
+        match (T::LANES, self.direct.few()) {
+            (8, true) => self.run::<S, 4>(simd),
+            (8, false) | (_, true) => self.run::<S, 8>(simd),
             _ => self.run::<S, 16>(simd),
         }
     }
@@ -181,6 +177,12 @@ fn pieces(range: Range<usize>, length: usize, rest: usize) -> impl Iterator<Item
     })
 }
 
+/// From the first cache line on that starts in `values`, if any does.
+fn aligned<T>(values: &mut [T]) -> &mut [T] {
+    let lead = values.as_ptr().align_offset(64);
+    if lead < values.len() { &mut values[lead..] } else { values }
+}
+
 /// Differences of samples that lie `sample` elements apart.
 #[inline(always)]
 fn difference<T: Sample>(x: &[T], sample: usize, out: &mut [T]) {
@@ -198,22 +200,40 @@ fn correlate<T: Sample, S: Simd, const W: usize>(
     finish: &Finish<'_, T>,
     out: &mut [T],
 ) {
-    let width = size_of::<T::Register<S>>() / size_of::<T>();
-    if size_of::<T::Register<S>>() < 16 || out.len() < width {
+    if size_of::<T::Register<S>>() < 16 || out.len() * size_of::<T>() < size_of::<T::Register<S>>() {
         return order::row::<T, W>(taps, x, finish, out);
     }
-    let mut done = tiles::<T, S, TILE, W>(simd, taps, x, finish, out, 0);
-    done = tiles::<T, S, 2, W>(simd, taps, x, finish, out, done);
-    done = tiles::<T, S, 1, W>(simd, taps, x, finish, out, done);
+    match tile::rest(taps.len(), W).0 {
+        0 => cover::<T, S, 0, 0, W>(simd, taps, x, finish, out),
+        1 => cover::<T, S, 1, 0, W>(simd, taps, x, finish, out),
+        2 => cover::<T, S, 2, 1, W>(simd, taps, x, finish, out),
+        3 => cover::<T, S, 3, 2, W>(simd, taps, x, finish, out),
+        _ => cover::<T, S, DEPTH, 3, W>(simd, taps, x, finish, out),
+    }
+}
+
+/// Covers the outputs with tiles, for which `D` and `E` are as in [`tile`].
+#[inline(always)]
+fn cover<T: Sample, S: Simd, const D: usize, const E: usize, const W: usize>(
+    simd: S,
+    taps: &[T],
+    x: &[T],
+    finish: &Finish<'_, T>,
+    out: &mut [T],
+) {
+    let width = size_of::<T::Register<S>>() / size_of::<T>();
+    let mut done = tiles::<T, S, TILE, D, E, W>(simd, taps, x, finish, out, 0);
+    done = tiles::<T, S, 2, D, E, W>(simd, taps, x, finish, out, done);
+    done = tiles::<T, S, 1, D, E, W>(simd, taps, x, finish, out, done);
     if done < out.len() {
         // Outputs may be computed twice, as each is computed alone.
-        tiles::<T, S, 1, W>(simd, taps, x, finish, out, out.len() - width);
+        tiles::<T, S, 1, D, E, W>(simd, taps, x, finish, out, out.len() - width);
     }
 }
 
 /// Fills as many outputs from `start` on as whole tiles of `N` registers cover, and says where they end.
 #[inline(always)]
-fn tiles<T: Sample, S: Simd, const N: usize, const W: usize>(
+fn tiles<T: Sample, S: Simd, const N: usize, const D: usize, const E: usize, const W: usize>(
     simd: S,
     taps: &[T],
     x: &[T],
@@ -226,7 +246,7 @@ fn tiles<T: Sample, S: Simd, const N: usize, const W: usize>(
     for out in out[start..].chunks_exact_mut(length) {
         // Nothing beyond the end of the stream, which without taps comes before that of the outputs.
         let x = x.get(done..).unwrap_or_default();
-        tile::<T, S, N, W, false>(simd, taps, x, &finish.from(done), out);
+        tile::<T, S, N, D, E, W, false>(simd, taps, x, &finish.from(done), out);
         done += length;
     }
     done

@@ -7,18 +7,20 @@
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
 )]
 
+use std::ops::Range;
+
 use pulp::{Arch, Simd, WithSimd};
 
 use super::super::{Sample, Scratch};
-use super::tile::{Finish, tile};
-use super::{Direct, NARROW, TILE, difference, order, pieces};
+use super::tile::{Finish, rest, tile};
+use super::{DEPTH, Direct, TILE, aligned, difference, order, pieces};
 use crate::error::{Error, at_least};
 
 /// Outputs whose differences are held at a time.
 const BLOCK: usize = 256;
 
-/// Outputs between which new differences are formed.
-const PIECE: usize = 64;
+/// Outputs that are worth a block of their own.
+const WORTHY: usize = 32;
 
 impl<T: Sample> Direct<T> {
     /// `x` is the matrix `(samples, LANES)`, and so are `outs`.
@@ -39,10 +41,10 @@ impl<T: Sample> Direct<T> {
         scratch: &'a mut Scratch<T>,
     ) -> Result<Lanes<'a, 'o, T>, Error> {
         if self.on_differences {
-            // And what it takes to start at a cache line; a short rest joins the block before.
-            at_least(&mut scratch.differences, (BLOCK + PIECE + self.span + 1) * T::LANES)?;
+            // A short rest joins the block before.
+            at_least(&mut scratch.differences, (BLOCK + WORTHY + 1 + self.span) * T::LANES)?;
         }
-        Ok(Lanes { direct: self, x, outs, differences: &mut scratch.differences })
+        Ok(Lanes { direct: self, x, outs, differences: aligned(&mut scratch.differences) })
     }
 }
 
@@ -59,10 +61,9 @@ impl<T: Sample> WithSimd for Lanes<'_, '_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let few = self.direct.few();
-        match T::LANES {
-            _ if few => self.run::<S, NARROW>(simd),
-            8 => self.run::<S, 8>(simd),
+        match (T::LANES, self.direct.few()) {
+            (8, true) => self.run::<S, 4>(simd),
+            (8, false) | (_, true) => self.run::<S, 8>(simd),
             _ => self.run::<S, 16>(simd),
         }
     }
@@ -72,18 +73,12 @@ impl<T: Sample> Lanes<'_, '_, T> {
     #[inline(always)]
     fn run<S: Simd, const W: usize>(self, simd: S) {
         let Self { direct: Direct { orders, span, on_differences }, x, outs, differences } = self;
-        let differences = if *on_differences {
-            let lead = differences.as_ptr().align_offset(64).min(T::LANES);
-            &mut differences[lead..]
-        } else {
-            differences
-        };
         let lanes = T::LANES;
         let outputs = outs.first().map_or(0, |out| out.len() / lanes);
-        for block in pieces(0..outputs, BLOCK, PIECE) {
+        for block in pieces(0..outputs, BLOCK, WORTHY) {
             let samples = &x[block.start * lanes..(block.end + span - 1) * lanes];
             let mut formed = 0;
-            for piece in pieces(0..block.len(), PIECE, 0) {
+            for piece in pieces(0..block.len(), TILE * W, 2 * W) {
                 let stream = if *on_differences {
                     let held = (piece.end + span - 2) * lanes;
                     difference(&samples[formed..held + lanes], lanes, &mut differences[formed..held]);
@@ -103,6 +98,7 @@ impl<T: Sample> Lanes<'_, '_, T> {
     }
 }
 
+/// `out[i] = sum of taps[k] x[i + k]` in every lane, finished.
 #[inline(always)]
 fn correlate<T: Sample, S: Simd, const W: usize>(
     simd: S,
@@ -114,40 +110,58 @@ fn correlate<T: Sample, S: Simd, const W: usize>(
     if size_of::<T::Register<S>>() < 16 {
         return order::side::<T, W>(taps, x, finish, out);
     }
-    let outputs = out.len() / T::LANES;
-    let mut done = 0;
-    while outputs - done >= TILE * W {
-        tiles::<T, S, TILE, W>(simd, taps, x, finish, out, done..done + W);
-        done += TILE * W;
-    }
-    while outputs - done >= 2 * W {
-        tiles::<T, S, 2, W>(simd, taps, x, finish, out, done..done + W);
-        done += 2 * W;
-    }
-    if done < outputs && outputs >= 2 * W {
-        // Outputs may be computed twice, as each is computed alone.
-        tiles::<T, S, 2, W>(simd, taps, x, finish, out, outputs - 2 * W..outputs - W);
-    } else {
-        tiles::<T, S, 1, W>(simd, taps, x, finish, out, done..outputs);
+    match rest(taps.len(), W).0 {
+        0 => cover::<T, S, 0, 0, W>(simd, taps, x, finish, out),
+        1 => cover::<T, S, 1, 0, W>(simd, taps, x, finish, out),
+        2 => cover::<T, S, 2, 1, W>(simd, taps, x, finish, out),
+        3 => cover::<T, S, 3, 2, W>(simd, taps, x, finish, out),
+        _ => cover::<T, S, DEPTH, 3, W>(simd, taps, x, finish, out),
     }
 }
 
-/// Fills the outputs `starts`, and behind each of them `N - 1` more that lie `W` apart.
+/// Covers the outputs with tiles, for which `D` and `E` are as in [`tile`].
 #[inline(always)]
-fn tiles<T: Sample, S: Simd, const N: usize, const W: usize>(
+fn cover<T: Sample, S: Simd, const D: usize, const E: usize, const W: usize>(
     simd: S,
     taps: &[T],
     x: &[T],
     finish: &Finish<'_, T>,
     out: &mut [T],
-    starts: std::ops::Range<usize>,
+) {
+    let outputs = out.len() / T::LANES;
+    let mut done = 0;
+    while outputs - done >= TILE * W {
+        tiles::<T, S, TILE, D, E, W>(simd, taps, x, finish, out, done..done + W);
+        done += TILE * W;
+    }
+    while outputs - done >= 2 * W {
+        tiles::<T, S, 2, D, E, W>(simd, taps, x, finish, out, done..done + W);
+        done += 2 * W;
+    }
+    if done < outputs && outputs >= 2 * W {
+        // Outputs may be computed twice, as each is computed alone.
+        tiles::<T, S, 2, D, E, W>(simd, taps, x, finish, out, outputs - 2 * W..outputs - W);
+    } else {
+        tiles::<T, S, 1, D, E, W>(simd, taps, x, finish, out, done..outputs);
+    }
+}
+
+/// Fills the outputs `starts`, and behind each of them `N - 1` more that lie `W` apart.
+#[inline(always)]
+fn tiles<T: Sample, S: Simd, const N: usize, const D: usize, const E: usize, const W: usize>(
+    simd: S,
+    taps: &[T],
+    x: &[T],
+    finish: &Finish<'_, T>,
+    out: &mut [T],
+    starts: Range<usize>,
 ) {
     let width = size_of::<T::Register<S>>() / size_of::<T>();
     for start in starts {
         for lane in (0..T::LANES).step_by(width) {
             let at = start * T::LANES + lane;
             let x = x.get(at..).unwrap_or_default();
-            tile::<T, S, N, W, true>(simd, taps, x, &finish.from(at), &mut out[at..]);
+            tile::<T, S, N, D, E, W, true>(simd, taps, x, &finish.from(at), &mut out[at..]);
         }
     }
 }

@@ -115,9 +115,16 @@ impl<'a, T: Sample> Finish<'a, T> {
     }
 }
 
-/// Fills `N` registers of outputs.
+/// How many strides the taps after the last whole group make, and how many taps the last of them has; none, and none.
+pub const fn rest(taps: usize, width: usize) -> (usize, usize) {
+    let rest = taps % (DEPTH * width);
+    let strides = rest.div_ceil(width);
+    (strides, rest - strides.saturating_sub(1) * width)
+}
+
+/// Fills `N` registers of outputs, where `D` strides are left after the last whole group, and `E` is one less.
 #[inline(always)]
-pub fn tile<T: Sample, S: Simd, const N: usize, const W: usize, const SIDE: bool>(
+pub fn tile<T: Sample, S: Simd, const N: usize, const D: usize, const E: usize, const W: usize, const SIDE: bool>(
     simd: S,
     taps: &[T],
     x: &[T],
@@ -128,51 +135,34 @@ pub fn tile<T: Sample, S: Simd, const N: usize, const W: usize, const SIDE: bool
     let mut sums = [T::splat(simd, T::default()); N];
     let (mut x, mut groups) = (x, taps.chunks_exact(DEPTH * W));
     for taps in &mut groups {
-        places::<T, S, N, DEPTH, W, SIDE>(simd, &mut sums, taps, x, 0..W);
+        sums = places::<T, S, N, DEPTH, W, SIDE>(simd, sums, taps, x, 0..W);
         x = &x[DEPTH * W * shape.sample..];
     }
-    let taps = groups.remainder();
-    // The last stride may have fewer taps.
-    let (strides, more) = (taps.len() / W, taps.len() % W);
-    some::<T, S, N, W, SIDE>(simd, strides + 1, &mut sums, taps, x, 0..more);
-    some::<T, S, N, W, SIDE>(simd, strides, &mut sums, taps, x, more..W);
-    finish.registers::<S, N>(simd, &sums, shape.outputs * shape.load, out);
-}
-
-/// [`places`] for a number of strides that is known when running, [`DEPTH`] at most.
-#[inline(always)]
-fn some<T: Sample, S: Simd, const N: usize, const W: usize, const SIDE: bool>(
-    simd: S,
-    strides: usize,
-    sums: &mut [T::Register<S>; N],
-    taps: &[T],
-    x: &[T],
-    range: Range<usize>,
-) {
-    match strides {
-        0 => {}
-        1 => places::<T, S, N, 1, W, SIDE>(simd, sums, taps, x, range),
-        2 => places::<T, S, N, 2, W, SIDE>(simd, sums, taps, x, range),
-        3 => places::<T, S, N, 3, W, SIDE>(simd, sums, taps, x, range),
-        _ => places::<T, S, N, DEPTH, W, SIDE>(simd, sums, taps, x, range),
+    let (_, last) = rest(taps.len(), W);
+    if D > 0 {
+        sums = places::<T, S, N, D, W, SIDE>(simd, sums, groups.remainder(), x, 0..last);
     }
+    if E > 0 {
+        sums = places::<T, S, N, E, W, SIDE>(simd, sums, groups.remainder(), x, last..W);
+    }
+    finish.registers::<S, N>(simd, &sums, shape.outputs * shape.load, out);
 }
 
 /// Adds the taps at `range` of each of `D` strides: of every stride the tap at one place, then at the next.
 #[inline(always)]
 fn places<T: Sample, S: Simd, const N: usize, const D: usize, const W: usize, const SIDE: bool>(
     simd: S,
-    sums: &mut [T::Register<S>; N],
+    sums: [T::Register<S>; N],
     taps: &[T],
     x: &[T],
     range: Range<usize>,
-) {
+) -> [T::Register<S>; N] {
     let shape = const { Shape::new::<T, S, W, SIDE>() };
     let width = size_of::<T::Register<S>>() / size_of::<T>();
-    let loads = shape.outputs * (N - 1) + shape.stride * (D - 1) + 1;
-    let mut held = *sums;
+    let loads = shape.outputs * (N - 1) + shape.stride * D.saturating_sub(1) + 1;
+    let mut held = sums;
     for place in range {
-        let taps = &taps[place..][..(D - 1) * W + 1];
+        let taps = &taps[place..][..D.saturating_sub(1) * W + 1];
         let mut weights = [T::splat(simd, T::default()); D];
         for (stride, weight) in weights.iter_mut().enumerate() {
             *weight = T::splat(simd, taps[stride * W]);
@@ -188,5 +178,5 @@ fn places<T: Sample, S: Simd, const N: usize, const D: usize, const W: usize, co
             }
         }
     }
-    *sums = held;
+    held
 }
