@@ -1,9 +1,8 @@
 //! Every tap of every output, in one fixed order.
 //!
-//! A tile of neighbouring outputs is held in registers while the taps go by. Taps come in strides of 32 bytes, four at a time: tap
-//! 0 of each stride, tap 1 of each, and so on; the taps that are left come one after the other. So a register of samples
-//! serves four taps, and the loads, which bound the speed, are few. Adding the two samples of equal taps first, which
-//! symmetric weights would allow, saves multiplications but doubles the loads (decision 0007).
+//! A tile of neighbouring outputs is held in registers while the taps go by. Taps come in strides, four at a time: tap 0 of each
+//! stride, tap 1 of each, and so on. So a register of samples serves four taps, and the loads are few. Adding the two samples
+//! of equal taps first, which symmetric weights would allow, saves multiplications but doubles the loads (decision 0007).
 //! Multiplication and addition stay apart (no fused operation), so every CPU gives the same bits.
 
 #![expect(
@@ -11,23 +10,35 @@
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
 )]
 
+use std::ops::Range;
+
 use pulp::{Arch, Simd, WithSimd};
 
-use super::stream::rescale;
 use super::{Sample, Scratch, Taps};
 use crate::error::{Error, at_least, try_vec};
+use tile::{Finish, tile};
 
-/// Outputs for which differences are formed at a time: with their taps they stay in the nearest caches.
-const BLOCK: usize = 4096;
+/// The same for neighbouring rows.
+mod lanes;
+/// The order of the taps.
+mod order;
+/// Outputs in registers.
+mod tile;
 
-/// Taps of a stride, in bytes: a register of most CPUs.
-const STRIDE_BYTES: usize = 32;
+/// Bytes of outputs whose differences are held at a time: with the samples and the outputs they stay in the nearest cache.
+const BLOCK_BYTES: usize = 8 << 10;
 
-/// Registers of a tile of outputs, at most: with four weights and a sample they fit into sixteen.
+/// Bytes of outputs between which new differences are formed: memory is read while sums are formed.
+const PIECE_BYTES: usize = 1 << 10;
+
+/// Registers of a tile of outputs, at most: with four weights, a sample and a product they fit into sixteen.
 const TILE: usize = 8;
 
-/// Taps that a sample is used for while it is in a register, at most.
+/// Strides of taps that a sample is used for while it is in a register, at most.
 const DEPTH: usize = 4;
+
+/// Taps up to which strides are of 32 bytes, as otherwise hardly any sample would be used twice; others are of 64 bytes.
+const FEW: usize = 16;
 
 /// The taps of every order.
 #[derive(Debug)]
@@ -66,6 +77,11 @@ impl<T: Sample> Direct<T> {
         self.orders.iter().map(|order| order.taps.len()).sum()
     }
 
+    /// Whether strides are of 32 bytes.
+    fn few(&self) -> bool {
+        self.span.saturating_sub(usize::from(self.on_differences)) <= FEW
+    }
+
     pub(super) fn apply(
         &self,
         x: &[T],
@@ -73,258 +89,168 @@ impl<T: Sample> Direct<T> {
         outs: &mut [&mut [T]],
         scratch: &mut Scratch<T>,
     ) -> Result<(), Error> {
-        if self.on_differences {
-            at_least(&mut scratch.differences, BLOCK + self.span)?;
+        let op = self.rows(&x[first..], outs, scratch)?;
+        // Few taps wait for memory, which registers of 32 bytes keep busier than those of 64 do (decision 0007).
+        #[cfg(target_arch = "x86_64")]
+        if self.few()
+            && let Some(simd) = pulp::x86::V3::try_new()
+        {
+            Simd::vectorize(simd, op);
+            return Ok(());
         }
-        let x = &x[first..];
-        Arch::new().dispatch(Apply { direct: self, x, outs, differences: &mut scratch.differences });
+        Arch::new().dispatch(op);
         Ok(())
+    }
+
+    fn rows<'a, 'o>(
+        &'a self,
+        x: &'a [T],
+        outs: &'a mut [&'o mut [T]],
+        scratch: &'a mut Scratch<T>,
+    ) -> Result<Rows<'a, 'o, T>, Error> {
+        if self.on_differences {
+            // A rest that is shorter than a register joins the block before.
+            at_least(&mut scratch.differences, BLOCK_BYTES / size_of::<T>() + 2 * T::LANES + self.span)?;
+        }
+        Ok(Rows { direct: self, x, outs, differences: aligned(&mut scratch.differences) })
     }
 }
 
-/// The same for neighbouring rows.
-mod lanes;
-
-struct Apply<'a, 'o, T> {
+/// The outputs of a row, for every order.
+struct Rows<'a, 'o, T> {
     direct: &'a Direct<T>,
     x: &'a [T],
     outs: &'a mut [&'o mut [T]],
     differences: &'a mut [T],
 }
 
-impl<T: Sample> WithSimd for Apply<'_, '_, T> {
+impl<T: Sample> WithSimd for Rows<'_, '_, T> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
+        match (T::LANES, self.direct.few()) {
+            (8, true) => self.run::<S, 4>(simd),
+            (8, false) | (_, true) => self.run::<S, 8>(simd),
+            _ => self.run::<S, 16>(simd),
+        }
+    }
+}
+
+impl<T: Sample> Rows<'_, '_, T> {
+    #[inline(always)]
+    fn run<S: Simd, const W: usize>(self, simd: S) {
         let Self { direct: Direct { orders, span, on_differences }, x, outs, differences } = self;
         let outputs = outs.first().map_or(0, |out| out.len());
-        for start in (0..outputs).step_by(BLOCK) {
-            let end = outputs.min(start + BLOCK);
-            let samples = &x[start..end + span - 1];
-            if !on_differences {
+        for block in pieces(0..outputs, BLOCK_BYTES / size_of::<T>(), T::LANES) {
+            let samples = &x[block.start..block.end + span - 1];
+            let mut formed = 0;
+            for piece in pieces(0..block.len(), PIECE_BYTES / size_of::<T>(), T::LANES) {
+                let stream = if *on_differences {
+                    let held = piece.end + span - 2;
+                    difference(&samples[formed..=held], 1, &mut differences[formed..held]);
+                    formed = held;
+                    &differences[..held]
+                } else {
+                    samples
+                };
+                let stream = stream.get(piece.start..).unwrap_or_default();
                 for (order, out) in orders.iter().zip(outs.iter_mut()) {
-                    correlate(simd, &order.taps, order.scale, samples, &mut out[start..end]);
-                }
-                continue;
-            }
-            let differences = &mut differences[..samples.len() - 1];
-            for ((difference, older), newer) in differences.iter_mut().zip(samples).zip(&samples[1..]) {
-                *difference = *newer - *older;
-            }
-            for (order, out) in orders.iter().zip(outs.iter_mut()) {
-                let block = &mut out[start..end];
-                correlate(simd, &order.taps, order.scale, differences, block);
-                if let Some(anchor) = order.anchor {
-                    block.iter_mut().zip(&samples[anchor..]).for_each(|(value, sample)| *value = *value + *sample);
+                    let finish = Finish::new(order, samples, 1).from(piece.start);
+                    let out = &mut out[block.start + piece.start..block.start + piece.end];
+                    correlate::<T, S, W>(simd, &order.taps, stream, &finish, out);
                 }
             }
         }
     }
 }
 
-/// `out[i] = scale * sum of taps[k] x[i + k]`.
+/// `range` in pieces of `length`; what is left joins the last one if it is shorter than `rest`.
 #[inline(always)]
-fn correlate<T: Sample, S: Simd>(simd: S, taps: &[T], scale: f64, x: &[T], out: &mut [T]) {
-    let mut done = 0;
-    if size_of::<T::Register<S>>() == STRIDE_BYTES {
-        done += tiles::<T, S, TILE>(simd, taps, scale, x, out);
-        done += tiles::<T, S, 2>(simd, taps, scale, after(x, done), &mut out[done..]);
-        done += tiles::<T, S, 1>(simd, taps, scale, after(x, done), &mut out[done..]);
-    }
-    match STRIDE_BYTES / size_of::<T>() {
-        4 => one_by_one::<T, 4>(taps, scale, after(x, done), &mut out[done..]),
-        _ => one_by_one::<T, 8>(taps, scale, after(x, done), &mut out[done..]),
+fn pieces(range: Range<usize>, length: usize, rest: usize) -> impl Iterator<Item = Range<usize>> {
+    let mut start = range.start;
+    std::iter::from_fn(move || {
+        let left = range.end - start;
+        let piece = start..if left < length + rest { range.end } else { start + length };
+        start = piece.end;
+        (!piece.is_empty()).then_some(piece)
+    })
+}
+
+/// From the first cache line on that starts in `values`, if any does.
+fn aligned<T>(values: &mut [T]) -> &mut [T] {
+    let lead = values.as_ptr().align_offset(64);
+    if lead < values.len() { &mut values[lead..] } else { values }
+}
+
+/// Differences of samples that lie `sample` elements apart.
+#[inline(always)]
+fn difference<T: Sample>(x: &[T], sample: usize, out: &mut [T]) {
+    for ((difference, older), newer) in out.iter_mut().zip(x).zip(&x[sample..]) {
+        *difference = *newer - *older;
     }
 }
 
-/// The rest of the stream: nothing beyond its end, which without taps comes before that of the outputs.
+/// `out[i] = sum of taps[k] x[i + k]`, finished.
 #[inline(always)]
-fn after<T>(x: &[T], done: usize) -> &[T] {
-    x.get(done..).unwrap_or_default()
+fn correlate<T: Sample, S: Simd, const W: usize>(
+    simd: S,
+    taps: &[T],
+    x: &[T],
+    finish: &Finish<'_, T>,
+    out: &mut [T],
+) {
+    if size_of::<T::Register<S>>() < 16 || out.len() * size_of::<T>() < size_of::<T::Register<S>>() {
+        return order::row::<T, W>(taps, x, finish, out);
+    }
+    match tile::rest(taps.len(), W).0 {
+        0 => cover::<T, S, 0, 0, W>(simd, taps, x, finish, out),
+        1 => cover::<T, S, 1, 0, W>(simd, taps, x, finish, out),
+        2 => cover::<T, S, 2, 1, W>(simd, taps, x, finish, out),
+        3 => cover::<T, S, 3, 2, W>(simd, taps, x, finish, out),
+        _ => cover::<T, S, DEPTH, 3, W>(simd, taps, x, finish, out),
+    }
 }
 
-/// Fills as many outputs as whole tiles of `N` registers cover, and says how many.
+/// Covers the outputs with tiles, for which `D` and `E` are as in [`tile`].
 #[inline(always)]
-fn tiles<T: Sample, S: Simd, const N: usize>(simd: S, taps: &[T], scale: f64, x: &[T], out: &mut [T]) -> usize {
-    let width = STRIDE_BYTES / size_of::<T>();
-    let mut done = 0;
-    for tile in out.chunks_exact_mut(N * width) {
-        let mut sums = [T::splat(simd, T::default()); N];
-        let mut x = &x[done..];
-        let mut deep = taps.chunks_exact(DEPTH * width);
-        for taps in &mut deep {
-            strides::<T, S, N, DEPTH>(simd, &mut sums, taps, x);
-            x = &x[DEPTH * width..];
-        }
-        let mut flat = deep.remainder().chunks_exact(width);
-        for taps in &mut flat {
-            strides::<T, S, N, 1>(simd, &mut sums, taps, x);
-            x = &x[width..];
-        }
-        for (at, tap) in flat.remainder().iter().enumerate() {
-            let tap = T::splat(simd, *tap);
-            for (sum, samples) in sums.iter_mut().zip(x[at..].chunks_exact(width)) {
-                *sum = T::plus(simd, *sum, T::times(simd, tap, T::registers::<S>(samples)[0]));
-            }
-        }
-        for (values, sum) in tile.chunks_exact_mut(width).zip(sums) {
-            T::registers_mut::<S>(values)[0] = sum;
-        }
-        rescale(tile, scale);
-        done += N * width;
+fn cover<T: Sample, S: Simd, const D: usize, const E: usize, const W: usize>(
+    simd: S,
+    taps: &[T],
+    x: &[T],
+    finish: &Finish<'_, T>,
+    out: &mut [T],
+) {
+    let width = size_of::<T::Register<S>>() / size_of::<T>();
+    let mut done = tiles::<T, S, TILE, D, E, W>(simd, taps, x, finish, out, 0);
+    done = tiles::<T, S, 2, D, E, W>(simd, taps, x, finish, out, done);
+    done = tiles::<T, S, 1, D, E, W>(simd, taps, x, finish, out, done);
+    if done < out.len() {
+        // Outputs may be computed twice, as each is computed alone.
+        tiles::<T, S, 1, D, E, W>(simd, taps, x, finish, out, out.len() - width);
+    }
+}
+
+/// Fills as many outputs from `start` on as whole tiles of `N` registers cover, and says where they end.
+#[inline(always)]
+fn tiles<T: Sample, S: Simd, const N: usize, const D: usize, const E: usize, const W: usize>(
+    simd: S,
+    taps: &[T],
+    x: &[T],
+    finish: &Finish<'_, T>,
+    out: &mut [T],
+    start: usize,
+) -> usize {
+    let length = N * size_of::<T::Register<S>>() / size_of::<T>();
+    let mut done = start;
+    for out in out[start..].chunks_exact_mut(length) {
+        // Nothing beyond the end of the stream, which without taps comes before that of the outputs.
+        let x = x.get(done..).unwrap_or_default();
+        tile::<T, S, N, D, E, W, false>(simd, taps, x, &finish.from(done), out);
+        done += length;
     }
     done
 }
 
-/// Adds `D` strides of taps: of tap r of every stride, then of tap r + 1 of every stride.
-#[inline(always)]
-fn strides<T: Sample, S: Simd, const N: usize, const D: usize>(
-    simd: S,
-    sums: &mut [T::Register<S>; N],
-    taps: &[T],
-    x: &[T],
-) {
-    let width = STRIDE_BYTES / size_of::<T>();
-    let (taps, x) = (&taps[..D * width], &x[..(N + D) * width - 1]);
-    let mut held = *sums;
-    for place in 0..width {
-        let mut weights = [T::splat(simd, T::default()); D];
-        for (stride, weight) in weights.iter_mut().enumerate() {
-            *weight = T::splat(simd, taps[stride * width + place]);
-        }
-        // A register of samples meets one tap of every stride, each for another register of outputs.
-        for (at, samples) in x[place..].chunks_exact(width).take(N + D - 1).enumerate() {
-            let samples = T::registers::<S>(samples)[0];
-            for stride in 0..D {
-                if at >= stride && at - stride < N {
-                    let sum = &mut held[at - stride];
-                    *sum = T::plus(simd, *sum, T::times(simd, weights[stride], samples));
-                }
-            }
-        }
-    }
-    *sums = held;
-}
-
-/// The same sums in the same order, for CPUs with other registers and for what is left.
-#[inline(always)]
-fn one_by_one<T: Sample, const W: usize>(taps: &[T], scale: f64, x: &[T], out: &mut [T]) {
-    let mut lanes = out.chunks_exact_mut(W);
-    let mut done = 0;
-    for out in &mut lanes {
-        let mut sums = [T::default(); W];
-        in_order(taps, W, |k| {
-            for (sum, sample) in sums.iter_mut().zip(&x[done + k..done + k + W]) {
-                *sum = *sum + taps[k] * *sample;
-            }
-        });
-        out.copy_from_slice(&sums);
-        rescale(out, scale);
-        done += W;
-    }
-    for out in lanes.into_remainder() {
-        let mut sum = T::default();
-        in_order(taps, W, |k| sum = sum + taps[k] * x[done + k]);
-        *out = sum;
-        rescale(std::slice::from_mut(out), scale);
-        done += 1;
-    }
-}
-
-/// Calls with the index of every tap, in the order in which they are added.
-#[inline(always)]
-fn in_order<T>(taps: &[T], width: usize, mut add: impl FnMut(usize)) {
-    let (deep, flat) = (taps.len() / (DEPTH * width) * (DEPTH * width), taps.len());
-    for start in (0..deep).step_by(DEPTH * width) {
-        for place in 0..width {
-            for stride in 0..DEPTH {
-                add(start + stride * width + place);
-            }
-        }
-    }
-    (deep..flat).for_each(add);
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn signal(length: usize) -> Vec<f64> {
-        // A linear congruential generator: seeded, and rough enough to show any shift.
-        let mut state = 12_345_u64;
-        let step = |state: &mut u64| {
-            *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (*state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
-        };
-        (0..length).map(|_| step(&mut state)).collect()
-    }
-
-    fn run(taps: &Taps, x: &[f64]) -> Vec<f64> {
-        let mut out = vec![f64::NAN; x.len() + 1 - taps.span()];
-        let direct = Direct::new(&[taps]).expect("small");
-        direct.apply(x, 0, &mut [&mut out], &mut Scratch::default()).expect("small");
-        out
-    }
-
-    #[test]
-    fn agrees_with_the_plain_sum() {
-        for (length, outputs) in [(1, 1), (2, 7), (5, 33), (61, 4096), (61, 4097), (200, 5000)] {
-            let weights = signal(length);
-            let x = signal(length + outputs - 1);
-            let out = run(&Taps::plain(&weights).expect("small"), &x);
-            for (i, value) in out.iter().enumerate() {
-                let expected: f64 = weights.iter().zip(&x[i..]).map(|(w, x)| w * x).sum();
-                assert!((value - expected).abs() <= 1e-16 * (length * length) as f64, "{length} {outputs} {i}");
-            }
-        }
-    }
-
-    #[test]
-    fn differences_agree_with_the_plain_sum_and_forget_the_offset() {
-        for length in [2, 3, 8, 61] {
-            let mut weights = signal(length);
-            let mean = weights.iter().sum::<f64>() / length as f64;
-            weights.iter_mut().for_each(|w| *w -= mean);
-            let taps = Taps::on_differences(&weights, None).expect("small");
-            assert_eq!(taps.span(), length);
-            let x = signal(300);
-            let out = run(&taps, &x);
-            for (i, value) in out.iter().enumerate() {
-                let expected: f64 = weights.iter().zip(&x[i..]).map(|(w, x)| w * x).sum();
-                assert!((value - expected).abs() <= 1e-16 * (length * length) as f64);
-            }
-            assert!(run(&taps, &vec![1e300; 300]).iter().all(|value| *value == 0.0));
-        }
-    }
-
-    #[test]
-    fn an_anchored_smoother_agrees_and_keeps_constants() {
-        for (length, anchor) in [(1, 0), (2, 1), (5, 0), (5, 4), (37, 20)] {
-            let mut weights = signal(length);
-            let excess = (weights.iter().sum::<f64>() - 1.0) / length as f64;
-            weights.iter_mut().for_each(|w| *w -= excess);
-            let taps = Taps::on_differences(&weights, Some(anchor)).expect("small");
-            assert_eq!(taps.span(), length);
-            let x = signal(300);
-            for (i, value) in run(&taps, &x).iter().enumerate() {
-                let expected: f64 = weights.iter().zip(&x[i..]).map(|(w, x)| w * x).sum();
-                assert!((value - expected).abs() <= 1e-16 * (length * length + 4) as f64, "{length} {anchor}");
-            }
-            assert!(run(&taps, &vec![1.1; 300]).iter().all(|value| *value == 1.1));
-        }
-    }
-
-    #[test]
-    fn any_cut_gives_the_same_bits() {
-        let weights = signal(37);
-        let x = signal(9000);
-        for taps in [Taps::plain(&weights).expect("small"), Taps::on_differences(&weights, None).expect("small")] {
-            let whole = run(&taps, &x);
-            for cut in [1, 7, 31, 32, 33, 4000, 4096, 4100] {
-                let (left, right) = (run(&taps, &x[..cut + 36]), run(&taps, &x[cut..]));
-                assert!(left.iter().chain(&right).map(|v| v.to_bits()).eq(whole.iter().map(|v| v.to_bits())));
-            }
-        }
-    }
-}
+mod tests;

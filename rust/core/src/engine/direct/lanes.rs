@@ -1,22 +1,26 @@
 //! Neighbouring rows side by side: every sample is a place of 64 bytes, and the same sums are formed in every lane.
+//!
+//! The outputs of a tile lie a stride of taps apart, so that a register of samples serves four taps here as well.
 
 #![expect(
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
 )]
 
+use std::ops::Range;
+
 use pulp::{Arch, Simd, WithSimd};
 
-use super::super::stream::rescale;
 use super::super::{Sample, Scratch};
-use super::{Direct, Order, STRIDE_BYTES, in_order};
+use super::tile::{Finish, rest, tile};
+use super::{DEPTH, Direct, TILE, aligned, difference, order, pieces};
 use crate::error::{Error, at_least};
 
-/// Outputs for which differences are formed at a time.
+/// Outputs whose differences are held at a time.
 const BLOCK: usize = 256;
 
-/// Outputs of a tile.
-const TILE: usize = 4;
+/// Outputs that are worth a block of their own.
+const WORTHY: usize = 32;
 
 impl<T: Sample> Direct<T> {
     /// `x` is the matrix `(samples, LANES)`, and so are `outs`.
@@ -26,97 +30,138 @@ impl<T: Sample> Direct<T> {
         outs: &mut [&mut [T]],
         scratch: &mut Scratch<T>,
     ) -> Result<(), Error> {
-        if self.on_differences {
-            at_least(&mut scratch.differences, (BLOCK + self.span) * T::LANES)?;
-        }
-        let arch = Arch::new();
-        let outputs = outs.first().map_or(0, |out| out.len() / T::LANES);
-        for start in (0..outputs).step_by(BLOCK) {
-            let end = outputs.min(start + BLOCK);
-            let samples = &x[start * T::LANES..(end + self.span - 1) * T::LANES];
-            let stream = if self.on_differences {
-                let differences = &mut scratch.differences[..samples.len() - T::LANES];
-                arch.dispatch(Difference { samples, differences });
-                &*differences
-            } else {
-                samples
-            };
-            for (order, out) in self.orders.iter().zip(outs.iter_mut()) {
-                let out = &mut out[start * T::LANES..end * T::LANES];
-                let anchored = order.anchor.map(|anchor| &samples[anchor * T::LANES..]);
-                arch.dispatch(Correlate { order, stream, anchored, out });
-            }
-        }
+        Arch::new().dispatch(self.lanes(x, outs, scratch)?);
         Ok(())
+    }
+
+    pub(super) fn lanes<'a, 'o>(
+        &'a self,
+        x: &'a [T],
+        outs: &'a mut [&'o mut [T]],
+        scratch: &'a mut Scratch<T>,
+    ) -> Result<Lanes<'a, 'o, T>, Error> {
+        if self.on_differences {
+            // A short rest joins the block before.
+            at_least(&mut scratch.differences, (BLOCK + WORTHY + 1 + self.span) * T::LANES)?;
+        }
+        Ok(Lanes { direct: self, x, outs, differences: aligned(&mut scratch.differences) })
     }
 }
 
-struct Difference<'a, T> {
-    samples: &'a [T],
+/// The outputs of neighbouring rows, for every order.
+pub(super) struct Lanes<'a, 'o, T> {
+    direct: &'a Direct<T>,
+    x: &'a [T],
+    outs: &'a mut [&'o mut [T]],
     differences: &'a mut [T],
 }
 
-impl<T: Sample> WithSimd for Difference<'_, T> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, _simd: S) {
-        let newer = &self.samples[T::LANES..];
-        for ((difference, older), newer) in self.differences.iter_mut().zip(self.samples).zip(newer) {
-            *difference = *newer - *older;
-        }
-    }
-}
-
-struct Correlate<'a, T> {
-    order: &'a Order<T>,
-    stream: &'a [T],
-    anchored: Option<&'a [T]>,
-    out: &'a mut [T],
-}
-
-impl<T: Sample> WithSimd for Correlate<'_, T> {
+impl<T: Sample> WithSimd for Lanes<'_, '_, T> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { order, stream, anchored, out } = self;
-        with_registers!(simd, T, S, correlate(&order.taps, stream, out));
-        rescale(out, order.scale);
-        if let Some(samples) = anchored {
-            out.iter_mut().zip(samples).for_each(|(out, sample)| *out = *out + *sample);
+        match (T::LANES, self.direct.few()) {
+            (8, true) => self.run::<S, 4>(simd),
+            (8, false) | (_, true) => self.run::<S, 8>(simd),
+            _ => self.run::<S, 16>(simd),
         }
     }
 }
 
-#[inline(always)]
-fn correlate<T: Sample, S: Simd, const R: usize>(simd: S, taps: &[T], x: &[T], out: &mut [T]) {
-    let mut done = 0;
-    let mut tiles = out.chunks_exact_mut(TILE * T::LANES);
-    for tile in &mut tiles {
-        tile_of::<T, S, R, TILE>(simd, taps, &x[done..], tile);
-        done += TILE * T::LANES;
-    }
-    for tile in tiles.into_remainder().chunks_exact_mut(T::LANES) {
-        tile_of::<T, S, R, 1>(simd, taps, &x[done..], tile);
-        done += T::LANES;
-    }
-}
-
-/// The sums of `N` outputs, each in `R` registers.
-#[inline(always)]
-fn tile_of<T: Sample, S: Simd, const R: usize, const N: usize>(simd: S, taps: &[T], x: &[T], out: &mut [T]) {
-    let mut sums = [[T::splat(simd, T::default()); R]; N];
-    in_order(taps, STRIDE_BYTES / size_of::<T>(), |k| {
-        let tap = T::splat(simd, taps[k]);
-        let places = T::registers::<S>(&x[k * T::LANES..(k + N) * T::LANES]);
-        for (sum, place) in sums.iter_mut().zip(places.chunks_exact(R)) {
-            for (sum, samples) in sum.iter_mut().zip(place) {
-                *sum = T::plus(simd, *sum, T::times(simd, tap, *samples));
+impl<T: Sample> Lanes<'_, '_, T> {
+    #[inline(always)]
+    fn run<S: Simd, const W: usize>(self, simd: S) {
+        let Self { direct: Direct { orders, span, on_differences }, x, outs, differences } = self;
+        let lanes = T::LANES;
+        let outputs = outs.first().map_or(0, |out| out.len() / lanes);
+        for block in pieces(0..outputs, BLOCK, WORTHY) {
+            let samples = &x[block.start * lanes..(block.end + span - 1) * lanes];
+            let mut formed = 0;
+            for piece in pieces(0..block.len(), TILE * W, 2 * W) {
+                let stream = if *on_differences {
+                    let held = (piece.end + span - 2) * lanes;
+                    difference(&samples[formed..held + lanes], lanes, &mut differences[formed..held]);
+                    formed = held;
+                    &differences[..held]
+                } else {
+                    samples
+                };
+                let stream = stream.get(piece.start * lanes..).unwrap_or_default();
+                for (order, out) in orders.iter().zip(outs.iter_mut()) {
+                    let finish = Finish::new(order, samples, lanes).from(piece.start * lanes);
+                    let out = &mut out[(block.start + piece.start) * lanes..(block.start + piece.end) * lanes];
+                    correlate::<T, S, W>(simd, &order.taps, stream, &finish, out);
+                }
             }
         }
-    });
-    for (sum, out) in sums.iter().zip(out.chunks_exact_mut(T::LANES)) {
-        T::registers_mut::<S>(out).copy_from_slice(sum);
+    }
+}
+
+/// `out[i] = sum of taps[k] x[i + k]` in every lane, finished.
+#[inline(always)]
+fn correlate<T: Sample, S: Simd, const W: usize>(
+    simd: S,
+    taps: &[T],
+    x: &[T],
+    finish: &Finish<'_, T>,
+    out: &mut [T],
+) {
+    if size_of::<T::Register<S>>() < 16 {
+        return order::side::<T, W>(taps, x, finish, out);
+    }
+    match rest(taps.len(), W).0 {
+        0 => cover::<T, S, 0, 0, W>(simd, taps, x, finish, out),
+        1 => cover::<T, S, 1, 0, W>(simd, taps, x, finish, out),
+        2 => cover::<T, S, 2, 1, W>(simd, taps, x, finish, out),
+        3 => cover::<T, S, 3, 2, W>(simd, taps, x, finish, out),
+        _ => cover::<T, S, DEPTH, 3, W>(simd, taps, x, finish, out),
+    }
+}
+
+/// Covers the outputs with tiles, for which `D` and `E` are as in [`tile`].
+#[inline(always)]
+fn cover<T: Sample, S: Simd, const D: usize, const E: usize, const W: usize>(
+    simd: S,
+    taps: &[T],
+    x: &[T],
+    finish: &Finish<'_, T>,
+    out: &mut [T],
+) {
+    let outputs = out.len() / T::LANES;
+    let mut done = 0;
+    while outputs - done >= TILE * W {
+        tiles::<T, S, TILE, D, E, W>(simd, taps, x, finish, out, done..done + W);
+        done += TILE * W;
+    }
+    while outputs - done >= 2 * W {
+        tiles::<T, S, 2, D, E, W>(simd, taps, x, finish, out, done..done + W);
+        done += 2 * W;
+    }
+    if done < outputs && outputs >= 2 * W {
+        // Outputs may be computed twice, as each is computed alone.
+        tiles::<T, S, 2, D, E, W>(simd, taps, x, finish, out, outputs - 2 * W..outputs - W);
+    } else {
+        tiles::<T, S, 1, D, E, W>(simd, taps, x, finish, out, done..outputs);
+    }
+}
+
+/// Fills the outputs `starts`, and behind each of them `N - 1` more that lie `W` apart.
+#[inline(always)]
+fn tiles<T: Sample, S: Simd, const N: usize, const D: usize, const E: usize, const W: usize>(
+    simd: S,
+    taps: &[T],
+    x: &[T],
+    finish: &Finish<'_, T>,
+    out: &mut [T],
+    starts: Range<usize>,
+) {
+    let width = size_of::<T::Register<S>>() / size_of::<T>();
+    for start in starts {
+        for lane in (0..T::LANES).step_by(width) {
+            let at = start * T::LANES + lane;
+            let x = x.get(at..).unwrap_or_default();
+            tile::<T, S, N, D, E, W, true>(simd, taps, x, &finish.from(at), &mut out[at..]);
+        }
     }
 }
