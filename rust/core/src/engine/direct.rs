@@ -29,7 +29,7 @@ mod tile;
 const BLOCK_BYTES: usize = 8 << 10;
 
 /// Bytes of outputs between which new differences are formed: memory is read while sums are formed.
-const PIECE_BYTES: usize = 1 << 10;
+const PIECE_BYTES: usize = 2 << 10;
 
 /// Registers of a tile of outputs, at most: with four weights, a sample and a product they fit into sixteen.
 const TILE: usize = 8;

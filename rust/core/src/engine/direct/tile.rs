@@ -136,7 +136,8 @@ pub fn tile<T: Sample, S: Simd, const N: usize, const D: usize, const E: usize, 
     let (mut x, mut groups) = (x, taps.chunks_exact(DEPTH * W));
     for taps in &mut groups {
         sums = places::<T, S, N, DEPTH, W, SIDE>(simd, sums, taps, x, 0..W);
-        x = &x[DEPTH * W * shape.sample..];
+        // Nothing if no taps are left.
+        x = x.get(DEPTH * W * shape.sample..).unwrap_or_default();
     }
     let (_, last) = rest(taps.len(), W);
     if D > 0 {
