@@ -193,14 +193,8 @@ fn difference<T: Sample>(x: &[T], sample: usize, out: &mut [T]) {
 
 /// `out[i] = sum of taps[k] x[i + k]`, finished.
 #[inline(always)]
-fn correlate<T: Sample, S: Simd, const W: usize>(
-    simd: S,
-    taps: &[T],
-    x: &[T],
-    finish: &Finish<'_, T>,
-    out: &mut [T],
-) {
-    if size_of::<T::Register<S>>() < 16 || out.len() * size_of::<T>() < size_of::<T::Register<S>>() {
+fn correlate<T: Sample, S: Simd, const W: usize>(simd: S, taps: &[T], x: &[T], finish: &Finish<'_, T>, out: &mut [T]) {
+    if size_of::<T::Register<S>>() < 16 || size_of_val(out) < size_of::<T::Register<S>>() {
         return order::row::<T, W>(taps, x, finish, out);
     }
     match tile::rest(taps.len(), W).0 {

@@ -4,20 +4,6 @@
 //! one fixed order, so that blocks, streams and threads give the same bits. [`moments`] and [`fft`] work on blocks that lie on a
 //! fixed grid of the row, the one for weights that are polynomials, the other for any; [`choice`] says which is the fastest.
 
-/// The numbers of registers that hold the lanes of a place, known when compiled.
-macro_rules! with_registers {
-    ($simd:ident, $t:ty, $s:ty, $call:ident ( $($argument:expr),* )) => {
-        // A place has 64 bytes.
-        match 8 / <$s>::F64_LANES {
-            1 => $call::<$t, $s, 1>($simd, $($argument),*),
-            2 => $call::<$t, $s, 2>($simd, $($argument),*),
-            4 => $call::<$t, $s, 4>($simd, $($argument),*),
-            _ if <$t>::LANES == 8 => $call::<$t, $s, 8>($simd, $($argument),*),
-            _ => $call::<$t, $s, 16>($simd, $($argument),*),
-        }
-    };
-}
-
 mod buffer;
 pub mod choice;
 pub mod direct;

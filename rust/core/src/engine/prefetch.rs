@@ -22,7 +22,6 @@ pub fn prefetch<T>(values: &[T], from: usize, count: usize) {
 #[inline(always)]
 #[cfg(target_arch = "x86_64")]
 #[expect(unsafe_code, reason = "std has no safe prefetch")]
-#[expect(clippy::inline_always, reason = "one instruction")]
 fn request<T>(value: &T) {
     use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
     // SAFETY: a prefetch neither reads nor writes as far as the program can see, and every x86-64 CPU has it.
@@ -31,5 +30,4 @@ fn request<T>(value: &T) {
 
 #[inline(always)]
 #[cfg(not(target_arch = "x86_64"))]
-#[expect(clippy::inline_always, reason = "nothing")]
 fn request<T>(_value: &T) {}

@@ -100,13 +100,7 @@ impl<T: Sample> Lanes<'_, '_, T> {
 
 /// `out[i] = sum of taps[k] x[i + k]` in every lane, finished.
 #[inline(always)]
-fn correlate<T: Sample, S: Simd, const W: usize>(
-    simd: S,
-    taps: &[T],
-    x: &[T],
-    finish: &Finish<'_, T>,
-    out: &mut [T],
-) {
+fn correlate<T: Sample, S: Simd, const W: usize>(simd: S, taps: &[T], x: &[T], finish: &Finish<'_, T>, out: &mut [T]) {
     if size_of::<T::Register<S>>() < 16 {
         return order::side::<T, W>(taps, x, finish, out);
     }

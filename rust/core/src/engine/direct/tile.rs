@@ -163,7 +163,7 @@ fn places<T: Sample, S: Simd, const N: usize, const D: usize, const W: usize, co
     let loads = shape.outputs * (N - 1) + shape.stride * D.saturating_sub(1) + 1;
     let mut held = sums;
     for place in range {
-        let taps = &taps[place..][..D.saturating_sub(1) * W + 1];
+        let taps = &taps[place..][..=D.saturating_sub(1) * W];
         let mut weights = [T::splat(simd, T::default()); D];
         for (stride, weight) in weights.iter_mut().enumerate() {
             *weight = T::splat(simd, taps[stride * W]);

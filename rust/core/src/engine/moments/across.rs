@@ -4,7 +4,6 @@
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
 )]
-#![expect(clippy::needless_range_loop, reason = "sums stay in registers where all indices are known when compiled")]
 
 use pulp::{Simd, WithSimd};
 

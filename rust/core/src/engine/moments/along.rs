@@ -4,7 +4,6 @@
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
 )]
-#![expect(clippy::needless_range_loop, reason = "sums stay in registers where all indices are known when compiled")]
 
 use pulp::{Simd, WithSimd};
 
@@ -93,7 +92,7 @@ impl<T: Sample, S: Simd, const V: usize, const W: usize, const N: usize> Along<T
     fn add_rows(self, sums: &mut [[T::Register<S>; V]; N], rows: &[T::Register<S>], values: &[T], step: usize) {
         let mut held = *sums;
         for (at, row) in rows.chunks_exact(V).enumerate() {
-            let values = &values[at..][..(N - 1) * step + 1];
+            let values = &values[at..][..=(N - 1) * step];
             for n in 0..N {
                 let value = T::splat(self.simd, values[n * step]);
                 for v in 0..V {
@@ -183,7 +182,7 @@ impl<T: Sample, S: Simd, const V: usize, const W: usize, const N: usize> Lay<T> 
 
     #[inline(always)]
     fn moments(self, tables: &Tables<T>, samples: &[T], moments: &mut [T]) {
-                let basis = T::registers::<S>(&tables.basis);
+        let basis = T::registers::<S>(&tables.basis);
         let few = samples.chunks_exact(FEW * Self::BLOCK);
         for (samples, moments) in few.zip(T::registers_mut::<S>(moments).chunks_exact_mut(FEW * W)) {
             for register in 0..Self::registers(tables) {
@@ -248,9 +247,7 @@ impl<T: Sample, S: Simd, const V: usize, const W: usize, const N: usize> Lay<T> 
             held.copy_from_slice(&T::registers::<S>(from)[..W]);
         }
         for to in T::registers_mut::<S>(to).chunks_exact_mut(W) {
-            for register in 0..W {
-                to[register] = held[register];
-            }
+            to.copy_from_slice(&held);
         }
     }
 

@@ -2,8 +2,8 @@
 
 use super::super::buffer::Buffer;
 use super::super::{Sample, Taps};
-use super::run::{FEW, STEP};
 use super::polynomial::{Legendre, Polynomial, Smooth, polynomials};
+use super::run::{FEW, STEP};
 use crate::error::{Error, try_vec};
 
 /// Samples of a block: as many outputs as are computed together in registers.
@@ -107,13 +107,17 @@ impl Shape {
                 let bytes = 64 * 4 * group * self.moments * self.moments.div_ceil(lanes_of_line);
                 let far = CACHES.iter().find(|(size, _)| bytes <= *size).map_or(BEYOND, |(_, cost)| *cost);
                 let groups = if self.between > 0 { 1.0 } else { 0.0 };
-                (far * product + 2.0 * registers / block, far * product * (2.0 + groups + whole / (group * group) as f64))
+                (
+                    far * product + 2.0 * registers / block,
+                    far * product * (2.0 + groups + whole / (group * group) as f64),
+                )
             }
         };
         (overhead + registers + shared, triangle + moments / lanes + each)
     }
 
     /// Elements of a block's moments where they fill registers.
+    #[must_use]
     pub fn stride<T: Sample>(&self) -> usize {
         self.moments.next_multiple_of(T::LANES)
     }
@@ -223,13 +227,19 @@ impl Matrices {
         let mut new = Self::default();
         let (block, moments, whole) = (shape.block as f64, shape.moments, shape.whole);
         let square = moments * stride;
-        let held = |count: usize| try_vec(count * square, 0.0).map(|mut room| {
-            room.clear();
-            room
-        });
+        let held = |count: usize| {
+            try_vec(count * square, 0.0).map(|mut room| {
+                room.clear();
+                room
+            })
+        };
         let size = |matrix: &[f64]| {
             let norm = |at: usize| ((2 * at + 1) as f64).sqrt();
-            matrix.iter().enumerate().map(|(at, value)| value.abs() * norm(at / stride) * norm(at % stride)).sum::<f64>()
+            matrix
+                .iter()
+                .enumerate()
+                .map(|(at, value)| value.abs() * norm(at / stride) * norm(at % stride))
+                .sum::<f64>()
         };
         let last = |matrices: &[f64]| size(&matrices[matrices.len() - square..]);
         let Some(group) = shape.group else {
@@ -267,7 +277,8 @@ impl Matrices {
         let stride = shape.stride::<T>();
         let few = |matrices: &[f64]| narrow(&by_few(matrices, shape.moments, stride, 0));
         let (block, after) = (shape.block, shape.taps - shape.reach);
-        let lines = |start: usize, count: usize| (start..start + count).flat_map(move |k| (0..block).map(move |i| (k, i)));
+        let lines =
+            |start: usize, count: usize| (start..start + count).flat_map(move |k| (0..block).map(move |i| (k, i)));
         let rest: Vec<f64> = lines(after, shape.reach).map(|(k, i)| taps[k - i]).collect();
         let ring: Vec<f64> =
             lines(0, block).map(|(k, i)| if k < i { taps[taps.len() + k - i] } else { taps[k - i] }).collect();

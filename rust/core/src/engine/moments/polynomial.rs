@@ -136,7 +136,14 @@ impl Legendre {
 
     /// Appends the matrix of `W(offset + from tau - to tau')` in the polynomials of tau (rows: the samples) and tau'
     /// (columns: the outputs), its rows `stride` apart.
-    pub fn matrix(&self, polynomial: &Polynomial, offset: f64, [from, to]: [f64; 2], stride: usize, to_end: &mut Vec<f64>) {
+    pub fn matrix(
+        &self,
+        polynomial: &Polynomial,
+        offset: f64,
+        [from, to]: [f64; 2],
+        stride: usize,
+        to_end: &mut Vec<f64>,
+    ) {
         let start = to_end.len();
         to_end.resize(start + self.moments * stride, 0.0);
         let mut half = vec![0.0; self.moments];

@@ -48,7 +48,10 @@ pub struct Line<T> {
 impl<T: Sample> Line<T> {
     /// Forms samples up to `until`; those before `from` are no longer needed.
     #[inline(always)]
-    #[expect(clippy::inline_always, reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one")]
+    #[expect(
+        clippy::inline_always,
+        reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
+    )]
     pub fn bring(&mut self, source: Source<'_, T>, from: isize, until: isize) {
         let unit = source.unit;
         if until <= self.end {
@@ -105,25 +108,32 @@ impl<T: Sample> Tail<T> {
 pub struct Room<T> {
     /// The stream where windows start, unless one piece holds both, and where their whole blocks end.
     pub near: Line<T>,
+    /// The latter.
     pub far: Line<T>,
+    /// Whether one piece holds both.
     pub joined: bool,
     /// Moments of blocks where there are no groups.
     pub plain: Tail<T>,
-    /// Moments of the blocks of a step, and their parts of those of their groups.
+    /// Moments of the blocks of a step.
     pub fresh: Buffer<T>,
+    /// What they add to the moments of their groups.
     pub parts: Buffer<T>,
     /// Groups that are held at a time, a power of two. For every block of each its part of the group's moments; once the group is complete,
     /// the sums over the blocks after it.
     pub slots: usize,
+    /// The parts, or sums.
     pub lifted: Buffer<T>,
-    /// Moments of the groups, and of the one that is being formed.
+    /// Moments of the groups.
     pub totals: Buffer<T>,
+    /// The moments so far of the group that is being formed.
     pub running: Buffer<T>,
     /// Of the group in which the whole blocks end for every block of a step.
     pub prefix: Buffer<T>,
     /// What whole groups add to the outputs of a group, for every order, and for the blocks of a step.
     pub whole: Buffer<T>,
+    /// The latter.
     pub wholes: Buffer<T>,
+    /// Of the polynomials in the outputs' places.
     pub coefficients: Buffer<T>,
     /// Outputs of a step that are not all wanted.
     pub spare: Buffer<T>,
