@@ -129,10 +129,14 @@ impl<T: Sample> WithSimd for Rows<'_, '_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        match (T::LANES, self.direct.few()) {
-            (8, true) => self.run::<S, 4>(simd),
-            (8, false) | (_, true) => self.run::<S, 8>(simd),
-            _ => self.run::<S, 16>(simd),
+        let few = self.direct.few();
+        // A constant, so that only what can be used is compiled.
+        if const { T::LANES == 8 } {
+            if few { self.run::<S, 4>(simd) } else { self.run::<S, 8>(simd) }
+        } else if few {
+            self.run::<S, 8>(simd);
+        } else {
+            self.run::<S, 16>(simd);
         }
     }
 }
@@ -194,7 +198,11 @@ fn difference<T: Sample>(x: &[T], sample: usize, out: &mut [T]) {
 /// `out[i] = sum of taps[k] x[i + k]`, finished.
 #[inline(always)]
 fn correlate<T: Sample, S: Simd, const W: usize>(simd: S, taps: &[T], x: &[T], finish: &Finish<'_, T>, out: &mut [T]) {
-    if size_of::<T::Register<S>>() < 16 || size_of_val(out) < size_of::<T::Register<S>>() {
+    // A constant first, so that only what can be used is compiled.
+    if const { size_of::<T::Register<S>>() < 16 } {
+        return order::row::<T, W>(taps, x, finish, out);
+    }
+    if size_of_val(out) < size_of::<T::Register<S>>() {
         return order::row::<T, W>(taps, x, finish, out);
     }
     match tile::rest(taps.len(), W).0 {

@@ -155,11 +155,7 @@ impl<T: Sample> Runner<T> {
         outs: &mut [&mut [T]],
         scratch: &mut Scratch<T>,
     ) -> Result<(), Error> {
-        match self {
-            Self::Direct(direct) => direct.apply(x, first, outs, scratch),
-            Self::Moments(moments) => moments.apply(x, first, origin, outs, scratch),
-            Self::Fft(fft) => fft.apply(x, first, origin, outs, scratch),
-        }
+        T::apply(self, x, first, origin, outs, scratch)
     }
 
     /// The same for [`Sample::LANES`] neighbouring rows at once: `x` is the matrix `(samples, LANES)`, and so are `outs`.
@@ -170,6 +166,25 @@ impl<T: Sample> Runner<T> {
         outs: &mut [&mut [T]],
         scratch: &mut Scratch<T>,
     ) -> Result<(), Error> {
+        T::apply_lanes(self, x, origin, outs, scratch)
+    }
+
+    fn run(
+        &self,
+        x: &[T],
+        first: usize,
+        origin: isize,
+        outs: &mut [&mut [T]],
+        scratch: &mut Scratch<T>,
+    ) -> Result<(), Error> {
+        match self {
+            Self::Direct(direct) => direct.apply(x, first, outs, scratch),
+            Self::Moments(moments) => moments.apply(x, first, origin, outs, scratch),
+            Self::Fft(fft) => fft.apply(x, first, origin, outs, scratch),
+        }
+    }
+
+    fn run_lanes(&self, x: &[T], origin: isize, outs: &mut [&mut [T]], scratch: &mut Scratch<T>) -> Result<(), Error> {
         match self {
             Self::Direct(direct) => direct.apply_lanes(x, outs, scratch),
             Self::Moments(moments) => moments.apply_lanes(x, origin, outs, scratch),
@@ -186,7 +201,7 @@ impl<T: Sample> Runner<T> {
         for lane in 0..lanes {
             row.iter_mut().zip(x[lane..].iter().step_by(lanes)).for_each(|(value, sample)| *value = *sample);
             let mut each: Vec<&mut [T]> = results.chunks_mut(outputs.max(1)).collect();
-            self.apply(&row, 0, origin, &mut each, scratch)?;
+            self.run(&row, 0, origin, &mut each, scratch)?;
             for (out, result) in outs.iter_mut().zip(each) {
                 out[lane..].iter_mut().step_by(lanes).zip(result).for_each(|(value, result)| *value = *result);
             }

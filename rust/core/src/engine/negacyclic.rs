@@ -15,33 +15,11 @@
 use std::f64::consts::FRAC_PI_2;
 use std::fmt;
 
+use algdiff_fft::Transforms;
 use nalgebra::Complex;
-use rustfft::{FftNum, FftPlanner};
 
 use super::Sample;
 use crate::error::{Error, try_vec};
-
-/// A transform in place, and its working memory.
-type Transform<T> = Box<dyn Fn(&mut [Complex<T>], &mut [Complex<T>]) + Send + Sync>;
-
-/// The complex transforms of one length, without a factor.
-pub struct Transforms<T> {
-    forward: Transform<T>,
-    inverse: Transform<T>,
-    work: usize,
-}
-
-impl<T: FftNum> Transforms<T> {
-    pub(super) fn new(points: usize) -> Self {
-        let mut planner = FftPlanner::new();
-        let (forward, inverse) = (planner.plan_fft_forward(points), planner.plan_fft_inverse(points));
-        Self {
-            work: forward.get_inplace_scratch_len().max(inverse.get_inplace_scratch_len()),
-            forward: Box::new(move |values, work| forward.process_with_scratch(values, work)),
-            inverse: Box::new(move |values, work| inverse.process_with_scratch(values, work)),
-        }
-    }
-}
 
 /// Products modulo `X^N + 1`.
 pub(super) struct Negacyclic<T> {
@@ -74,7 +52,7 @@ impl<T: Sample> Negacyclic<T> {
 
     /// Numbers of working memory.
     pub(super) fn work(&self) -> usize {
-        self.transforms.work
+        self.transforms.work()
     }
 
     /// The spectrum of `factor` times the values that are not larger than `peak`, with 0 for the others.
@@ -92,7 +70,7 @@ impl<T: Sample> Negacyclic<T> {
         for (((point, &low), &high), &power) in spectrum.iter_mut().zip(low).zip(high).zip(&self.twist) {
             *point = times(Complex::new(kept(low), kept(high)), power);
         }
-        (self.transforms.forward)(spectrum, work);
+        self.transforms.forward(spectrum, work);
     }
 
     /// The values of a product of spectra, times the number of points and both `factors`: the first half of them into `low`,
@@ -106,7 +84,7 @@ impl<T: Sample> Negacyclic<T> {
         low: &mut [T],
         high: &mut [T],
     ) {
-        (self.transforms.inverse)(spectrum, work);
+        self.transforms.inverse(spectrum, work);
         let scaled = |value: T| value * factors.0 * factors.1;
         let real = |point: Complex<T>, power: Complex<T>| scaled(point.re * power.re + point.im * power.im);
         let imaginary = |point: Complex<T>, power: Complex<T>| scaled(point.im * power.re - point.re * power.im);

@@ -9,11 +9,12 @@ use std::fmt;
 use std::ops::{Add, Mul, Sub};
 use std::sync::OnceLock;
 
+use algdiff_fft::Transforms;
 use pulp::Simd;
 
-use super::negacyclic::Transforms;
-use super::{Runner, Taps};
+use super::{Runner, Scratch, Taps};
 use crate::bank::Runners;
+use crate::error::Error;
 
 /// The element types that engines run in.
 pub trait Sample:
@@ -47,6 +48,24 @@ pub trait Sample:
     fn choose<S: Simd>(simd: S, mask: Self::Mask<S>, a: Self::Register<S>, b: Self::Register<S>) -> Self::Register<S>;
     /// The complex transforms of so many points.
     fn transforms(points: usize) -> Transforms<Self>;
+    /// What [`Runner::apply`] does: for each type a function of its own, so that the engines are compiled here once, and not in
+    /// every crate that calls them.
+    fn apply(
+        runner: &Runner<Self>,
+        x: &[Self],
+        first: usize,
+        origin: isize,
+        outs: &mut [&mut [Self]],
+        scratch: &mut Scratch<Self>,
+    ) -> Result<(), Error>;
+    /// What [`Runner::apply_lanes`] does.
+    fn apply_lanes(
+        runner: &Runner<Self>,
+        x: &[Self],
+        origin: isize,
+        outs: &mut [&mut [Self]],
+        scratch: &mut Scratch<Self>,
+    ) -> Result<(), Error>;
     /// The nearest value of this type.
     fn from_f64(value: f64) -> Self;
     /// The same value as f64.
@@ -96,7 +115,26 @@ impl Sample for f64 {
         simd.select_f64s(mask, a, b)
     }
     fn transforms(points: usize) -> Transforms<Self> {
-        Transforms::new(points)
+        Transforms::double(points)
+    }
+    fn apply(
+        runner: &Runner<Self>,
+        x: &[Self],
+        first: usize,
+        origin: isize,
+        outs: &mut [&mut [Self]],
+        scratch: &mut Scratch<Self>,
+    ) -> Result<(), Error> {
+        runner.run(x, first, origin, outs, scratch)
+    }
+    fn apply_lanes(
+        runner: &Runner<Self>,
+        x: &[Self],
+        origin: isize,
+        outs: &mut [&mut [Self]],
+        scratch: &mut Scratch<Self>,
+    ) -> Result<(), Error> {
+        runner.run_lanes(x, origin, outs, scratch)
     }
     fn from_f64(value: f64) -> Self {
         value
@@ -150,7 +188,26 @@ impl Sample for f32 {
         simd.select_f32s(mask, a, b)
     }
     fn transforms(points: usize) -> Transforms<Self> {
-        Transforms::new(points)
+        Transforms::single(points)
+    }
+    fn apply(
+        runner: &Runner<Self>,
+        x: &[Self],
+        first: usize,
+        origin: isize,
+        outs: &mut [&mut [Self]],
+        scratch: &mut Scratch<Self>,
+    ) -> Result<(), Error> {
+        runner.run(x, first, origin, outs, scratch)
+    }
+    fn apply_lanes(
+        runner: &Runner<Self>,
+        x: &[Self],
+        origin: isize,
+        outs: &mut [&mut [Self]],
+        scratch: &mut Scratch<Self>,
+    ) -> Result<(), Error> {
+        runner.run_lanes(x, origin, outs, scratch)
     }
     fn from_f64(value: f64) -> Self {
         value as Self

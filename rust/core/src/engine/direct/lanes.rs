@@ -61,10 +61,14 @@ impl<T: Sample> WithSimd for Lanes<'_, '_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        match (T::LANES, self.direct.few()) {
-            (8, true) => self.run::<S, 4>(simd),
-            (8, false) | (_, true) => self.run::<S, 8>(simd),
-            _ => self.run::<S, 16>(simd),
+        let few = self.direct.few();
+        // A constant, so that only what can be used is compiled.
+        if const { T::LANES == 8 } {
+            if few { self.run::<S, 4>(simd) } else { self.run::<S, 8>(simd) }
+        } else if few {
+            self.run::<S, 8>(simd);
+        } else {
+            self.run::<S, 16>(simd);
         }
     }
 }
@@ -101,7 +105,7 @@ impl<T: Sample> Lanes<'_, '_, T> {
 /// `out[i] = sum of taps[k] x[i + k]` in every lane, finished.
 #[inline(always)]
 fn correlate<T: Sample, S: Simd, const W: usize>(simd: S, taps: &[T], x: &[T], finish: &Finish<'_, T>, out: &mut [T]) {
-    if size_of::<T::Register<S>>() < 16 {
+    if const { size_of::<T::Register<S>>() < 16 } {
         return order::side::<T, W>(taps, x, finish, out);
     }
     match rest(taps.len(), W).0 {

@@ -30,7 +30,8 @@ impl<T: Sample> WithSimd for Rows<'_, '_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        match 64 / size_of::<T::Register<S>>() {
+        // A constant, so that only what can be used is compiled.
+        match const { 64 / size_of::<T::Register<S>>() } {
             1 => self.0.go(Across::<T, S, 1, 8>::new(simd)),
             2 => self.0.go(Across::<T, S, 2, 4>::new(simd)),
             4 => self.0.go(Across::<T, S, 4, 4>::new(simd)),

@@ -8,7 +8,7 @@
 use pulp::{Simd, WithSimd};
 
 use super::super::Sample;
-use super::design::{Order, Tables};
+use super::design::{BLOCKS, Order, Tables};
 use super::lay::Lay;
 use super::run::{FEW, Run};
 
@@ -25,33 +25,38 @@ impl<T: Sample> WithSimd for Run<'_, '_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let lanes = size_of::<T::Register<S>>() / size_of::<T>();
         let tables = &self.moments.tables;
-        let (block, narrow) = (tables.shape.block, tables.stride == T::LANES);
+        let (short, narrow) = (tables.shape.block == BLOCKS[0], tables.stride == T::LANES);
         macro_rules! go {
-            ($v:literal, $n:literal) => {
-                match (64 / size_of::<T::Register<S>>(), narrow) {
-                    (1, true) => self.go(Along::<T, S, $v, 1, $n>::new(simd)),
-                    (1, false) => self.go(Along::<T, S, $v, 2, $n>::new(simd)),
-                    (2, true) => self.go(Along::<T, S, $v, 2, $n>::new(simd)),
-                    (2, false) => self.go(Along::<T, S, $v, 4, $n>::new(simd)),
-                    (4, true) => self.go(Along::<T, S, $v, 4, $n>::new(simd)),
-                    (4, false) => self.go(Along::<T, S, $v, 8, $n>::new(simd)),
-                    (8, true) => self.go(Along::<T, S, $v, 8, $n>::new(simd)),
-                    _ => self.go(Along::<T, S, $v, 16, $n>::new(simd)),
-                }
+            (($v:literal, $n:literal), $w:literal) => {
+                self.go(Along::<T, S, $v, $w, $n>::new(simd))
             };
         }
-        // As many sums as leave room for samples and taps.
-        match (size_of::<T::Register<S>>(), block / lanes) {
-            (64, 1) => go!(1, 8),
-            (64, 2) => go!(2, 8),
-            (64, _) => go!(4, 4),
-            (_, 2) => go!(2, 4),
-            (_, 4) => go!(4, 2),
-            (_, 8) => go!(8, 1),
-            (_, 16) => go!(16, 1),
-            _ => go!(32, 1),
+        // For registers of so many bytes: those of a block and how many blocks leave room for samples and taps; and those of
+        // the moments. Conditions on types come first, as constants, so that only what can be used is compiled.
+        macro_rules! pick {
+            ($short:tt, $long:tt, $w:tt) => {
+                if short { go!($short, $w) } else { go!($long, $w) }
+            };
+            ($short:tt, $long:tt, $narrow:tt, $wide:tt) => {
+                if narrow { pick!($short, $long, $narrow) } else { pick!($short, $long, $wide) }
+            };
+        }
+        if const { size_of::<T>() == 8 } {
+            match const { size_of::<T::Register<S>>() } {
+                64 => pick!((2, 8), (4, 4), 1, 2),
+                32 => pick!((4, 2), (8, 1), 2, 4),
+                16 => pick!((8, 1), (16, 1), 4, 8),
+                _ => pick!((16, 1), (32, 1), 8, 16),
+            }
+        } else {
+            // The most moments fit into 64 bytes.
+            match const { size_of::<T::Register<S>>() } {
+                64 => pick!((1, 8), (2, 8), 1),
+                32 => pick!((2, 4), (4, 2), 2),
+                16 => pick!((4, 2), (8, 1), 4),
+                _ => pick!((16, 1), (32, 1), 16),
+            }
         }
     }
 }

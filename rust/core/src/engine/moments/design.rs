@@ -7,7 +7,7 @@ use super::run::{FEW, STEP};
 use crate::error::{Error, try_vec};
 
 /// Samples of a block: as many outputs as are computed together in registers.
-const BLOCKS: [usize; 2] = [16, 32];
+pub const BLOCKS: [usize; 2] = [16, 32];
 
 /// The largest error bound, in units of eps, with which the engine is still offered.
 const ALLOWED_BOUND: f64 = 1e5;
