@@ -57,7 +57,6 @@ impl<'a, T: Sample> Run<'a, '_, T> {
         self.warm_up(lay, start, first);
         for done in (0..lead + outputs).step_by(STEP * block.cast_unsigned()) {
             let step = Step { here: start + done.cast_signed(), block: first + done.cast_signed() / block, done, lead };
-            self.ask_ahead::<L>(step.here);
             self.bring::<L>(step.here);
             self.feed(lay, step.here, step.block);
             self.deliver(lay, &step);
@@ -77,21 +76,6 @@ impl<'a, T: Sample> Run<'a, '_, T> {
             let from = start + if self.room.joined { ahead(number).min(0) } else { ahead(number) };
             self.room.far.bring(self.source::<L>(), from, start + ahead(number + 1));
             self.feed(lay, start + number * step * block, first + number * step);
-        }
-    }
-
-    /// Asks for what the steps after the next will read and write.
-    #[inline(always)]
-    fn ask_ahead<L: Lay<T>>(&self, here: isize) {
-        let Shape { block, whole, reach, .. } = self.moments.tables.shape;
-        let (count, ahead) = (STEP * block * L::UNIT, AHEAD / size_of::<T>());
-        let at = |place: isize| (place.max(0).cast_unsigned() * L::UNIT).saturating_add(ahead);
-        prefetch(self.x, at(here + ((whole + 1 + STEP) * block + reach).cast_signed()), count);
-        if !self.room.joined {
-            prefetch(self.x, at(here), count);
-        }
-        for out in self.outs.iter() {
-            prefetch(out, at(here - self.first.cast_signed()), count);
         }
     }
 
@@ -174,15 +158,27 @@ impl<'a, T: Sample> Run<'a, '_, T> {
             let grain = L::TOGETHER * shape.block;
             let (start, end) = (from / grain * grain, until.next_multiple_of(grain).min(length));
             let place = done + from - lead;
-            let wanted = &mut out[place * L::UNIT..(place + until - from) * L::UNIT];
-            let samples = [&near[start * L::UNIT..], &far[start * L::UNIT..]];
-            let coefficients = &room.coefficients[start / shape.block * lay.width(tables)..];
-            if end - start == until - from {
-                lay.outputs(tables, order, samples, coefficients, scale, wanted);
-            } else {
-                let spare = &mut room.spare[..(end - start) * L::UNIT];
-                lay.outputs(tables, order, samples, coefficients, scale, spare);
-                wanted.copy_from_slice(&spare[(from - start) * L::UNIT..(until - start) * L::UNIT]);
+            let (wanted, later) = out[place * L::UNIT..].split_at_mut((until - from) * L::UNIT);
+            let direct = end - start == until - from;
+            let to = if direct { &mut *wanted } else { &mut room.spare[..(end - start) * L::UNIT] };
+            for (at, to) in (start..).step_by(grain).zip(to.chunks_mut(grain * L::UNIT)) {
+                // What comes later is asked for tile by tile, as memory takes few requests at a time.
+                let (share, ahead) = (grain * L::UNIT, AHEAD / size_of::<T>());
+                prefetch(later, (at * L::UNIT + ahead).saturating_sub(until * L::UNIT), share);
+                if number == 0 {
+                    let later =
+                        |place: usize| (here + (place + at).cast_signed()).max(0).cast_unsigned() * L::UNIT + ahead;
+                    prefetch(x, later((shape.whole + 1 + STEP) * shape.block + shape.reach), share);
+                    if !room.joined {
+                        prefetch(x, later(0), share);
+                    }
+                }
+                let samples = [&near[at * L::UNIT..], &far[at * L::UNIT..]];
+                let coefficients = &room.coefficients[at / shape.block * lay.width(tables)..];
+                lay.outputs(tables, order, samples, coefficients, scale, to);
+            }
+            if !direct {
+                wanted.copy_from_slice(&room.spare[(from - start) * L::UNIT..(until - start) * L::UNIT]);
             }
             if !exact {
                 rescale(wanted, order.scale);
