@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::ends::Mode;
 use crate::engine::{Runner, Sample};
-use crate::error::{Error, at_least};
+use crate::error::Error;
 use crate::frame::Layout;
 use crate::moves::{Collect, Spread, Transpose, dispatch};
 use crate::rows::{Row, Worker};
@@ -106,8 +106,8 @@ impl<T: Sample> Worker<'_, T> {
         let (length, strips) = ((reads.end - reads.start).cast_unsigned() * lanes, columns.len().div_ceil(lanes));
         let result = outputs.len() * lanes;
         let (mut gathered, mut results) = (std::mem::take(&mut self.gathered), std::mem::take(&mut self.results));
-        at_least(&mut gathered, length * strips)?;
-        at_least(&mut results, result * strips * frame.orders)?;
+        gathered.fit(length * strips)?;
+        results.fit(result * strips * frame.orders)?;
         self.spread(&x[column + columns.start..], columns.len(), &reads, &mut gathered);
         for strip in 0..strips {
             let results = &mut results[strip * result * frame.orders..][..result * frame.orders];
@@ -152,8 +152,8 @@ impl<T: Sample> Worker<'_, T> {
         let length = (reads.end - reads.start).cast_unsigned() * lanes;
         let result = outputs.len() * lanes;
         let (mut gathered, mut results) = (std::mem::take(&mut self.gathered), std::mem::take(&mut self.results));
-        at_least(&mut gathered, length)?;
-        at_least(&mut results, result * frame.orders)?;
+        gathered.fit(length)?;
+        results.fit(result * frame.orders)?;
         if rows < lanes {
             gathered.fill(T::default());
         }
@@ -230,8 +230,8 @@ impl<T: Sample> Worker<'_, T> {
         let length = (reads.end - reads.start).cast_unsigned();
         let result = outputs.len() * frame.orders;
         let (mut gathered, mut results) = (std::mem::take(&mut self.gathered), std::mem::take(&mut self.results));
-        at_least(&mut gathered, length * columns.len())?;
-        at_least(&mut results, result * columns.len())?;
+        gathered.fit(length * columns.len())?;
+        results.fit(result * columns.len())?;
         for (index, place) in reads.clone().enumerate() {
             let line = frame.source(place).map(|source| &x[source * inner + column..][columns.clone()]);
             for offset in 0..columns.len() {

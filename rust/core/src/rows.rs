@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::ends::Mode;
-use crate::engine::{Sample, Scratch};
+use crate::engine::{Buffer, Sample, Scratch};
 use crate::error::{Error, at_least};
 use crate::fit::ends::End;
 use crate::frame::Frame;
@@ -17,8 +17,8 @@ pub struct Worker<'a, T: Sample> {
     pub(crate) frame: &'a Frame<'a, T>,
     stop: &'a AtomicBool,
     pub(crate) scratch: Scratch<T>,
-    pub(crate) gathered: Vec<T>,
-    pub(crate) results: Vec<T>,
+    pub(crate) gathered: Buffer<T>,
+    pub(crate) results: Buffer<T>,
     extended: Vec<T>,
     pub(crate) coefficients: Vec<f64>,
     /// The last fits at an end of a long window, and where it is: a long end comes in several pieces.
@@ -55,8 +55,8 @@ impl<'a, T: Sample> Worker<'a, T> {
             frame,
             stop,
             scratch: Scratch::default(),
-            gathered: Vec::new(),
-            results: Vec::new(),
+            gathered: Buffer::default(),
+            results: Buffer::default(),
             extended: Vec::new(),
             coefficients: Vec::new(),
             fitted: Vec::new(),

@@ -15,6 +15,7 @@ mod sample;
 mod stream;
 mod taps;
 
+pub(crate) use buffer::Buffer;
 pub use sample::Sample;
 pub use taps::Taps;
 
