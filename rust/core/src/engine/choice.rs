@@ -9,18 +9,6 @@ use pulp::{Arch, Simd, WithSimd};
 use super::moments::Shape;
 use super::{Engine, Taps, fft};
 
-/// Bytes of the registers of this CPU.
-fn registers() -> usize {
-    struct Size;
-    impl WithSimd for Size {
-        type Output = usize;
-        fn with_simd<S: Simd>(self, _simd: S) -> usize {
-            size_of::<S::f64s>()
-        }
-    }
-    Arch::new().dispatch(Size)
-}
-
 /// What the engines cost on a kind of CPU, in double and in single precision.
 struct Costs {
     /// A tap, and an output.
@@ -31,17 +19,45 @@ struct Costs {
     fft: [f64; 2],
 }
 
-/// Registers of 64 bytes: AMD Zen 5.
+/// Registers of 64 bytes, worked on whole: AMD Zen 5.
 const LONG: Costs = Costs { direct: ([0.019, 0.0095], 0.3), moments: ([0.165, 0.165], 0.1), fft: [2.6, 1.3] };
+
+/// Registers of 64 bytes, worked on in halves: AMD Zen 4.
+const HALVES: Costs = Costs { direct: ([0.042, 0.021], 0.3), moments: ([0.30, 0.30], 0.1), fft: [2.6, 1.45] };
 
 /// Registers of 32 bytes or fewer: AMD Zen 3.
 const SHORT: Costs = Costs { direct: ([0.048, 0.024], 0.4), moments: ([0.30, 0.30], 0.1), fft: [3.6, 1.9] };
+
+/// The costs on this kind of CPU.
+fn costs() -> &'static Costs {
+    struct Kind;
+    impl WithSimd for Kind {
+        type Output = &'static Costs;
+        fn with_simd<S: Simd>(self, _simd: S) -> &'static Costs {
+            match size_of::<S::f64s>() {
+                64 if in_halves() => &HALVES,
+                64 => &LONG,
+                _ => &SHORT,
+            }
+        }
+    }
+    Arch::new().dispatch(Kind)
+}
+
+/// Whether this is a CPU that works on registers of 64 bytes in halves, which it does not say: the instructions that it has,
+/// and one that later ones have, tell.
+fn in_halves() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    return std::arch::is_x86_feature_detected!("avx512bf16") && !std::arch::is_x86_feature_detected!("avxvnni");
+    #[cfg(not(target_arch = "x86_64"))]
+    false
+}
 
 /// The engines for these orders, cheapest first.
 #[must_use]
 pub fn ranked(orders: &[&Taps], single: bool) -> Vec<Engine> {
     let taps = orders.first().map_or(0, |order| order.double.len());
-    let costs = if registers() == 64 { LONG } else { SHORT };
+    let costs = costs();
     let (kind, count) = (usize::from(single), orders.len() as f64);
     let direct = costs.direct.1 + count * costs.direct.0[kind] * taps as f64;
     let mut found = vec![(direct, Engine::Direct)];
