@@ -99,12 +99,19 @@ impl Fit {
         control: &impl Control,
     ) -> Result<Self, Error> {
         let mut base = try_vec(kept.len(), 0.0)?;
-        for (j, weight) in kept.clone().zip(&mut base) {
-            *weight =
-                ln_cell(j, window_length, family.alpha) + ln_cell(window_length - 1 - j, window_length, family.beta);
+        let mut peak = f64::NEG_INFINITY;
+        for (start, part) in kept.clone().step_by(CHUNK).zip(base.chunks_mut(CHUNK)) {
+            go_on(control)?;
+            for (j, weight) in (start..).zip(part) {
+                *weight = ln_cell(j, window_length, family.alpha)
+                    + ln_cell(window_length - 1 - j, window_length, family.beta);
+                peak = peak.max(*weight);
+            }
         }
-        let peak = base.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        base.iter_mut().for_each(|weight| *weight = (*weight - peak).exp());
+        for part in base.chunks_mut(CHUNK) {
+            go_on(control)?;
+            part.iter_mut().for_each(|weight| *weight = (*weight - peak).exp());
+        }
         let sum: f64 = base.iter().sum();
         base.iter_mut().for_each(|weight| *weight /= sum);
         let recurrence = family.recurrence(degree);
@@ -302,8 +309,8 @@ impl Fit {
         let length = self.span();
         let mut columns = vec![Vec::new(); self.degree() + 1];
         for start in (0..length).step_by(CHUNK) {
-            if start > 0 && !control.proceed(0.0) {
-                return Err(Error::Interrupted);
+            if start > 0 {
+                go_on(control)?;
             }
             let tau: Vec<f64> = (start..length.min(start + CHUNK)).map(|j| self.tau(j as f64)).collect();
             self.recurrence.fill(&tau, &mut columns);
@@ -348,6 +355,10 @@ impl Fit {
         })?;
         Ok(Factor::Triangle { r })
     }
+}
+
+fn go_on(control: &impl Control) -> Result<(), Error> {
+    if control.proceed(0.0) { Ok(()) } else { Err(Error::Interrupted) }
 }
 
 /// `ln` of the weight of cell `j` of `window_length` at an end with this exponent: the value at the middle of the cell, or
