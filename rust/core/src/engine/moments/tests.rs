@@ -1,3 +1,5 @@
+use pulp::Simd;
+
 use super::super::{Engine, Runner, Scratch, Taps};
 use super::*;
 
@@ -148,4 +150,60 @@ fn the_first_and_the_last_tap_are_free() {
     for (got, expected) in run(&runner, &x, 0, 0, 501).iter().zip(sums) {
         assert!((got - expected).abs() <= 1e-12);
     }
+}
+
+/// The outputs of a row, and of the same row in every lane, by one kind of registers.
+fn by_registers<T: Sample, S: Simd>(simd: S, moments: &Moments<T>, x: &[T], outputs: usize) -> [Vec<T>; 2] {
+    let (origin, tables) = (-70, &moments.tables);
+    let mut row = vec![T::from_f64(f64::NAN); outputs];
+    let mut room = Room::default();
+    room.prepare(tables, 1, tables.stride).expect("small");
+    Simd::vectorize(simd, Run { moments, x, first: 0, origin, outs: &mut [&mut row], room: &mut room });
+    let mut lanes = vec![T::from_f64(f64::NAN); outputs * T::LANES];
+    let x: Vec<T> = x.iter().flat_map(|value| std::iter::repeat_n(*value, T::LANES)).collect();
+    room.prepare(tables, T::LANES, tables.shape.moments * T::LANES).expect("small");
+    Simd::vectorize(simd, Rows(Run { moments, x: &x, first: 0, origin, outs: &mut [&mut lanes], room: &mut room }));
+    [row, lanes]
+}
+
+/// On every width of registers, for rows and for neighbouring rows, whatever this CPU takes.
+fn every_width_agrees<T: Sample>(eps: f64) {
+    for (weights, taps) in designs() {
+        let Some(moments) = Moments::<T>::new(&[&taps]).expect("small") else { panic!("no polynomial") };
+        let x: Vec<T> = noise(weights.len() + 699).into_iter().map(T::from_f64).collect();
+        let exact: Vec<f64> = x.iter().map(|value| value.to_f64()).collect();
+        let expected = naive(&weights, &exact);
+        let size: f64 = taps.double.iter().map(|tap| tap.abs()).sum::<f64>() * taps.scale + 1.0;
+        let bound = ((moments.error_bound() + 2.0) * eps + 4.0 * weights.len() as f64 * f64::EPSILON) * size;
+        let check = |register: &str, [row, lanes]: [Vec<T>; 2]| {
+            for (i, (got, expected)) in row.iter().zip(&expected).enumerate() {
+                let error = (got.to_f64() - expected).abs();
+                assert!(error <= bound, "{register}: {} {i} {error:e} {:?}", weights.len(), moments.shape());
+            }
+            let same = lanes.iter().enumerate().all(|(at, value)| *value == row[at / T::LANES]);
+            assert!(same, "{register}: {} lanes {:?}", weights.len(), moments.shape());
+        };
+        macro_rules! on {
+            ($name:literal, $simd:expr) => {
+                check($name, by_registers($simd, &moments, &x, 700))
+            };
+        }
+        on!("scalar", pulp::Scalar);
+        on!("16 bytes", pulp::Scalar128b);
+        #[cfg(target_arch = "x86_64")]
+        {
+            if let Some(simd) = pulp::x86::V3::try_new() {
+                on!("AVX2", simd);
+            }
+            if let Some(simd) = pulp::x86::V4::try_new() {
+                on!("AVX-512", simd);
+            }
+        }
+    }
+}
+
+#[test]
+fn every_width_of_registers_keeps_the_bound() {
+    every_width_agrees::<f64>(f64::EPSILON);
+    every_width_agrees::<f32>(f64::from(f32::EPSILON));
 }
