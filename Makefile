@@ -1,4 +1,4 @@
-.PHONY: help dev fmt lint test-rust test check bench
+.PHONY: help dev fmt lint test-rust test-registers test check bench
 
 PYTHON ?= python
 
@@ -23,6 +23,9 @@ lint: ## formatters, linters, types and stubs; needs `make dev`
 
 test-rust: ## tests of the core
 	cargo test --workspace --release
+
+test-registers: ## the engines on registers of other CPUs as well; takes minutes to compile
+	cargo test --package algdiff-core --release --lib --features emulated-registers engine
 
 test: ## the README's test command: install, then test
 	$(PYTHON) -m pip install '.[test]' && $(PYTHON) -m pytest

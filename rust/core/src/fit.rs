@@ -101,15 +101,19 @@ impl Fit {
         let mut base = try_vec(kept.len(), 0.0)?;
         let mut peak = f64::NEG_INFINITY;
         for (start, part) in kept.clone().step_by(CHUNK).zip(base.chunks_mut(CHUNK)) {
-            go_on(control)?;
+            if start > kept.start {
+                go_on(control)?;
+            }
             for (j, weight) in (start..).zip(part) {
                 *weight = ln_cell(j, window_length, family.alpha)
                     + ln_cell(window_length - 1 - j, window_length, family.beta);
                 peak = peak.max(*weight);
             }
         }
-        for part in base.chunks_mut(CHUNK) {
-            go_on(control)?;
+        for (number, part) in base.chunks_mut(CHUNK).enumerate() {
+            if number > 0 {
+                go_on(control)?;
+            }
             part.iter_mut().for_each(|weight| *weight = (*weight - peak).exp());
         }
         let sum: f64 = base.iter().sum();

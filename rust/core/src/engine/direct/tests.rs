@@ -144,9 +144,12 @@ fn every_width_agrees<T: Sample>(taps: &Taps, outputs: usize) {
         };
     }
     on!("scalar", pulp::Scalar);
-    on!("16 bytes", pulp::Scalar128b);
-    on!("32 bytes", pulp::Scalar256b);
-    on!("64 bytes", pulp::Scalar512b);
+    #[cfg(feature = "emulated-registers")]
+    {
+        on!("16 bytes", pulp::Scalar128b);
+        on!("32 bytes", pulp::Scalar256b);
+        on!("64 bytes", pulp::Scalar512b);
+    }
     #[cfg(target_arch = "x86_64")]
     {
         if let Some(simd) = pulp::x86::V3::try_new() {

@@ -189,6 +189,7 @@ fn every_width_agrees<T: Sample>(eps: f64) {
             };
         }
         on!("scalar", pulp::Scalar);
+        #[cfg(feature = "emulated-registers")]
         on!("16 bytes", pulp::Scalar128b);
         #[cfg(target_arch = "x86_64")]
         {
