@@ -73,8 +73,8 @@ impl Kernel {
     pub fn step_response(&self, times: &[f64], out: &mut [f64], control: &impl Control) -> Result<(), Error> {
         let whole = self.integral(1.0);
         for (index, (value, &t)) in out.iter_mut().zip(times).enumerate() {
-            if index % 256 == 255 && !control.proceed(index as f64 / times.len() as f64) {
-                return Err(Error::Interrupted);
+            if index % 256 == 255 {
+                control.check(index as f64 / times.len() as f64)?;
             }
             *value = if t <= 0.0 { 0.0 } else { whole - self.integral(1.0 - t) };
         }

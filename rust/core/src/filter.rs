@@ -29,9 +29,7 @@ impl Plan {
             if !frequency.is_finite() {
                 return Err(Error::argument("frequency", frequency, "finite"));
             }
-            if !control.proceed(0.0) {
-                return Err(Error::Interrupted);
-            }
+            control.check(0.0)?;
             *value = self.response(frequency);
         }
         Ok(())
@@ -48,9 +46,7 @@ impl Plan {
         let (step, nyquist) = (0.03 / self.duration(), 0.5 / self.design().delta);
         let mut low = 0.0;
         while low < nyquist {
-            if !control.proceed(0.0) {
-                return Err(Error::Interrupted);
-            }
+            control.check(0.0)?;
             let high = nyquist.min(low + step);
             if beyond(high) {
                 return Ok(Some(bisect(low, high, beyond)));
@@ -71,9 +67,7 @@ impl Plan {
         let (mut different, mut whole) = (0.0, 0.0);
         let mut before: Option<(f64, f64, f64)> = None;
         for frequency in self.frequencies(largest) {
-            if !control.proceed(0.0) {
-                return Err(Error::Interrupted);
-            }
+            control.check(0.0)?;
             let wanted = kernel.at(TAU * frequency * self.duration(), self.kernel().tau()) * self.unit();
             let (distance, size) = ((self.response(frequency) - wanted).norm_sqr(), wanted.norm_sqr());
             if let Some((lower, last_distance, last_size)) = before {
@@ -114,8 +108,8 @@ impl Plan {
         let recurrence = family.recurrence(order);
         let mut sum = 0.0;
         for (j, weight) in self.weights().iter().enumerate() {
-            if j % 4096 == 4095 && !control.proceed(0.0) {
-                return Err(Error::Interrupted);
+            if j % 4096 == 4095 {
+                control.check(0.0)?;
             }
             sum += weight * recurrence.values(self.tau_at(j as f64)).last().copied().unwrap_or(1.0);
         }

@@ -102,7 +102,7 @@ impl Fit {
         let mut peak = f64::NEG_INFINITY;
         for (start, part) in kept.clone().step_by(CHUNK).zip(base.chunks_mut(CHUNK)) {
             if start > kept.start {
-                go_on(control)?;
+                control.check(0.0)?;
             }
             for (j, weight) in (start..).zip(part) {
                 *weight = ln_cell(j, window_length, family.alpha)
@@ -112,7 +112,7 @@ impl Fit {
         }
         for (number, part) in base.chunks_mut(CHUNK).enumerate() {
             if number > 0 {
-                go_on(control)?;
+                control.check(0.0)?;
             }
             part.iter_mut().for_each(|weight| *weight = (*weight - peak).exp());
         }
@@ -314,7 +314,7 @@ impl Fit {
         let mut columns = vec![Vec::new(); self.degree() + 1];
         for start in (0..length).step_by(CHUNK) {
             if start > 0 {
-                go_on(control)?;
+                control.check(0.0)?;
             }
             let tau: Vec<f64> = (start..length.min(start + CHUNK)).map(|j| self.tau(j as f64)).collect();
             self.recurrence.fill(&tau, &mut columns);
@@ -359,10 +359,6 @@ impl Fit {
         })?;
         Ok(Factor::Triangle { r })
     }
-}
-
-fn go_on(control: &impl Control) -> Result<(), Error> {
-    if control.proceed(0.0) { Ok(()) } else { Err(Error::Interrupted) }
 }
 
 /// `ln` of the weight of cell `j` of `window_length` at an end with this exponent: the value at the middle of the cell, or

@@ -163,8 +163,8 @@ impl Kernel {
         }
         let (recurrence, moments) = (self.family().recurrence(self.degree), self.moments(self.degree));
         for (index, (value, &tau)) in out.iter_mut().zip(points).enumerate() {
-            if index % 4096 == 4095 && !control.proceed(index as f64 / points.len() as f64) {
-                return Err(Error::Interrupted);
+            if index % 4096 == 4095 {
+                control.check(index as f64 / points.len() as f64)?;
             }
             *value = self.value_with(&recurrence, &moments, tau);
         }

@@ -74,8 +74,8 @@ impl Simultaneous {
                 return Err(Error::argument("nu", self.nu, "such that the coefficients of Q are finite"));
             }
             for (j, &tau) in points.iter().enumerate() {
-                if j % 4096 == 4095 && !control.proceed(i as f64 / rows as f64) {
-                    return Err(Error::Interrupted);
+                if j % 4096 == 4095 {
+                    control.check(i as f64 / rows as f64)?;
                 }
                 let (old, new) = (-tau / self.duration, (self.duration - tau) / self.duration);
                 let term = |(l, factor): (usize, &f64)| factor * power(new, lowest + l) * power(old, i - l);

@@ -197,8 +197,8 @@ impl Kernel {
         }
         let response = Response::new(self, omega.iter().fold(0.0, |peak, omega| omega.abs().max(peak)));
         for (index, (value, &omega)) in out.iter_mut().zip(omega).enumerate() {
-            if index % 64 == 63 && !control.proceed(0.0) {
-                return Err(Error::Interrupted);
+            if index % 64 == 63 {
+                control.check(0.0)?;
             }
             *value = response.at(omega, reference);
         }
@@ -256,9 +256,7 @@ impl Kernel {
         while low < MAX_STEPS * step {
             let response = Response::new(self, largest);
             while low < largest {
-                if !control.proceed(0.0) {
-                    return Err(Error::Interrupted);
-                }
+                control.check(0.0)?;
                 if response.gain(low + step) < FRAC_1_SQRT_2 {
                     return Ok(Some(bisect(low, low + step, |omega| response.gain(omega) < FRAC_1_SQRT_2)));
                 }

@@ -105,7 +105,7 @@ pub(crate) fn functionals(
             row.for_each(|(column, value)| column[sample - kept.start] += mass * value);
         }
     };
-    let proceed = |j: usize| if j % 4096 != 4095 || control.proceed(0.0) { Ok(()) } else { Err(Error::Interrupted) };
+    let proceed = |j: usize| if j % 4096 == 4095 { control.check(0.0) } else { Ok(()) };
     if let Rule::Cell | Rule::Hat = rule {
         let cells = window_length - usize::from(rule == Rule::Hat);
         let pieces = Pieces::new(family, degree, cells);
