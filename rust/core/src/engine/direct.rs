@@ -18,6 +18,21 @@ use super::{Sample, Scratch, Taps};
 use crate::error::{Error, at_least, try_vec};
 use tile::{Finish, tile};
 
+/// Runs with strides of 32 bytes or of 64, as [`Direct::few`] says. The constant comes first, so that only what can be used is
+/// compiled.
+macro_rules! run_with_strides {
+    ($run:expr, $simd:expr) => {{
+        let few = $run.direct.few();
+        if const { T::LANES == 8 } {
+            if few { $run.run::<S, 4>($simd) } else { $run.run::<S, 8>($simd) }
+        } else if few {
+            $run.run::<S, 8>($simd);
+        } else {
+            $run.run::<S, 16>($simd);
+        }
+    }};
+}
+
 /// The same for neighbouring rows.
 mod lanes;
 /// The order of the taps.
@@ -129,15 +144,7 @@ impl<T: Sample> WithSimd for Rows<'_, '_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let few = self.direct.few();
-        // A constant, so that only what can be used is compiled.
-        if const { T::LANES == 8 } {
-            if few { self.run::<S, 4>(simd) } else { self.run::<S, 8>(simd) }
-        } else if few {
-            self.run::<S, 8>(simd);
-        } else {
-            self.run::<S, 16>(simd);
-        }
+        run_with_strides!(self, simd);
     }
 }
 

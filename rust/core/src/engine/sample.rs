@@ -72,6 +72,31 @@ pub trait Sample:
     fn to_f64(self) -> f64;
 }
 
+/// The engines for one type, compiled here.
+macro_rules! engines {
+    () => {
+        fn apply(
+            runner: &Runner<Self>,
+            x: &[Self],
+            first: usize,
+            origin: isize,
+            outs: &mut [&mut [Self]],
+            scratch: &mut Scratch<Self>,
+        ) -> Result<(), Error> {
+            runner.run(x, first, origin, outs, scratch)
+        }
+        fn apply_lanes(
+            runner: &Runner<Self>,
+            x: &[Self],
+            origin: isize,
+            outs: &mut [&mut [Self]],
+            scratch: &mut Scratch<Self>,
+        ) -> Result<(), Error> {
+            runner.run_lanes(x, origin, outs, scratch)
+        }
+    };
+}
+
 impl Sample for f64 {
     fn runner(runners: &Runners) -> &OnceLock<Runner<Self>> {
         &runners.double
@@ -117,25 +142,7 @@ impl Sample for f64 {
     fn transforms(points: usize) -> Transforms<Self> {
         Transforms::double(points)
     }
-    fn apply(
-        runner: &Runner<Self>,
-        x: &[Self],
-        first: usize,
-        origin: isize,
-        outs: &mut [&mut [Self]],
-        scratch: &mut Scratch<Self>,
-    ) -> Result<(), Error> {
-        runner.run(x, first, origin, outs, scratch)
-    }
-    fn apply_lanes(
-        runner: &Runner<Self>,
-        x: &[Self],
-        origin: isize,
-        outs: &mut [&mut [Self]],
-        scratch: &mut Scratch<Self>,
-    ) -> Result<(), Error> {
-        runner.run_lanes(x, origin, outs, scratch)
-    }
+    engines!();
     fn from_f64(value: f64) -> Self {
         value
     }
@@ -190,25 +197,7 @@ impl Sample for f32 {
     fn transforms(points: usize) -> Transforms<Self> {
         Transforms::single(points)
     }
-    fn apply(
-        runner: &Runner<Self>,
-        x: &[Self],
-        first: usize,
-        origin: isize,
-        outs: &mut [&mut [Self]],
-        scratch: &mut Scratch<Self>,
-    ) -> Result<(), Error> {
-        runner.run(x, first, origin, outs, scratch)
-    }
-    fn apply_lanes(
-        runner: &Runner<Self>,
-        x: &[Self],
-        origin: isize,
-        outs: &mut [&mut [Self]],
-        scratch: &mut Scratch<Self>,
-    ) -> Result<(), Error> {
-        runner.run_lanes(x, origin, outs, scratch)
-    }
+    engines!();
     fn from_f64(value: f64) -> Self {
         value as Self
     }

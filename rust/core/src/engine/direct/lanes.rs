@@ -61,15 +61,7 @@ impl<T: Sample> WithSimd for Lanes<'_, '_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let few = self.direct.few();
-        // A constant, so that only what can be used is compiled.
-        if const { T::LANES == 8 } {
-            if few { self.run::<S, 4>(simd) } else { self.run::<S, 8>(simd) }
-        } else if few {
-            self.run::<S, 8>(simd);
-        } else {
-            self.run::<S, 16>(simd);
-        }
+        run_with_strides!(self, simd);
     }
 }
 
