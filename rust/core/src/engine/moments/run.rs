@@ -146,6 +146,14 @@ impl<'a, T: Sample> Run<'a, '_, T> {
         let Step { here, done, lead, .. } = *step;
         let shape = tables.shape;
         let length = STEP * shape.block;
+        // What comes later is asked for with every tile, as memory takes few requests at a time.
+        let grain = L::TOGETHER * shape.block;
+        let (share, ahead) = (grain * L::UNIT, AHEAD / size_of::<T>());
+        let samples: &[T] = x;
+        let ask_for = |place: usize| {
+            let place = (here + place.cast_signed()).max(0).cast_unsigned();
+            prefetch(samples, place * L::UNIT + ahead, share);
+        };
         for (number, (order, out)) in tables.orders.iter().zip(outs.iter_mut()).enumerate() {
             coefficients(lay, tables, order, number, room, step);
             let near = (if room.joined { &room.far } else { &room.near }).from(L::UNIT, here);
@@ -155,29 +163,24 @@ impl<'a, T: Sample> Run<'a, '_, T> {
             let scale = if exact { own } else { T::from_f64(1.0) };
             // The part of the step that is wanted, and what is computed with it.
             let (from, until) = (lead.saturating_sub(done), length.min(lead + out.len() / L::UNIT - done));
-            let grain = L::TOGETHER * shape.block;
             let (start, end) = (from / grain * grain, until.next_multiple_of(grain).min(length));
             let place = done + from - lead;
             let (wanted, later) = out[place * L::UNIT..].split_at_mut((until - from) * L::UNIT);
-            let direct = end - start == until - from;
-            let to = if direct { &mut *wanted } else { &mut room.spare[..(end - start) * L::UNIT] };
-            for (at, to) in (start..).step_by(grain).zip(to.chunks_mut(grain * L::UNIT)) {
-                // What comes later is asked for tile by tile, as memory takes few requests at a time.
-                let (share, ahead) = (grain * L::UNIT, AHEAD / size_of::<T>());
+            let all_wanted = end - start == until - from;
+            let to = if all_wanted { &mut *wanted } else { &mut room.spare[..(end - start) * L::UNIT] };
+            for (at, to) in (start..).step_by(grain).zip(to.chunks_mut(share)) {
                 prefetch(later, (at * L::UNIT + ahead).saturating_sub(until * L::UNIT), share);
                 if number == 0 {
-                    let later =
-                        |place: usize| (here + (place + at).cast_signed()).max(0).cast_unsigned() * L::UNIT + ahead;
-                    prefetch(x, later((shape.whole + 1 + STEP) * shape.block + shape.reach), share);
+                    ask_for(at + (shape.whole + 1 + STEP) * shape.block + shape.reach);
                     if !room.joined {
-                        prefetch(x, later(0), share);
+                        ask_for(at);
                     }
                 }
                 let samples = [&near[at * L::UNIT..], &far[at * L::UNIT..]];
                 let coefficients = &room.coefficients[at / shape.block * lay.width(tables)..];
                 lay.outputs(tables, order, samples, coefficients, scale, to);
             }
-            if !direct {
+            if !all_wanted {
                 wanted.copy_from_slice(&room.spare[(from - start) * L::UNIT..(until - start) * L::UNIT]);
             }
             if !exact {
