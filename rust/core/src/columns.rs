@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::ends::Mode;
-use crate::engine::{Runner, Sample};
+use crate::engine::{Runner, Sample, Windows};
 use crate::error::Error;
 use crate::frame::Layout;
 use crate::moves::{Collect, Spread, Transpose, dispatch};
@@ -195,7 +195,8 @@ impl<T: Sample> Worker<'_, T> {
             let window = frame.window(body.start);
             let length = (body.len() + frame.runner.span() - 1) * lanes;
             let mut outs: Vec<&mut [T]> = outs.iter_mut().map(|out| &mut out[at(body.start)..at(body.end)]).collect();
-            frame.runner.apply_lanes(&from(window)[..length], window, &mut outs, &mut self.scratch)?;
+            let windows = Windows { x: &from(window)[..length], first: 0, origin: window, outs: &mut outs };
+            frame.runner.apply_lanes(windows, &mut self.scratch)?;
         }
         for end in [outputs.start..body.start, body.end..outputs.end] {
             if end.is_empty() {

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::ends::Mode;
-use crate::engine::{Buffer, Sample, Scratch};
+use crate::engine::{Buffer, Sample, Scratch, Windows};
 use crate::error::{Error, at_least};
 use crate::fit::ends::End;
 use crate::frame::Frame;
@@ -99,12 +99,13 @@ impl<'a, T: Sample> Worker<'a, T> {
         let mut done = 0;
         while done < outputs.len() {
             let output = outputs.start + done;
-            let window = (frame.window(output) - row.start).cast_unsigned();
+            let first = (frame.window(output) - row.start).cast_unsigned();
             let next = frame.piece(output, slice).min(outputs.len() - done);
             if next == outputs.len() {
-                return frame.runner.apply(row.x, window, row.start, outs, &mut self.scratch);
+                return frame.runner.apply(Windows { x: row.x, first, origin: row.start, outs }, &mut self.scratch);
             }
-            frame.runner.apply(row.x, window, row.start, &mut part(outs, done..done + next), &mut self.scratch)?;
+            let outs = &mut part(outs, done..done + next);
+            frame.runner.apply(Windows { x: row.x, first, origin: row.start, outs }, &mut self.scratch)?;
             done += next;
             self.proceed(between)?;
         }

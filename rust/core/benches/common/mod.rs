@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use algdiff_core::bank::Bank;
 use algdiff_core::control::Unattended;
 use algdiff_core::design::{Design, Place};
-use algdiff_core::engine::{ENGINES, Engine, Sample, Scratch};
+use algdiff_core::engine::{ENGINES, Engine, Sample, Scratch, Windows};
 use algdiff_core::error::Error;
 use algdiff_core::kernel::Tau;
 use algdiff_core::plan::Plan;
@@ -83,7 +83,7 @@ fn run<T: Sample>(engine: Engine, window_length: usize, orders: &[usize], word: 
     let mut scratch = Scratch::default();
     let mut apply = |x: &[T], results: &mut [Vec<T>]| {
         let mut outs: Vec<&mut [T]> = results.iter_mut().map(Vec::as_mut_slice).collect();
-        runner.apply(x, 0, 0, &mut outs, &mut scratch)
+        runner.apply(Windows { x, first: 0, origin: 0, outs: &mut outs }, &mut scratch)
     };
     let short = 4096;
     let mut results = vec![vec![T::default(); short]; orders.len()];

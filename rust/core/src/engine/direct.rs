@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{Sample, Scratch, Taps};
+use super::{Sample, Scratch, Taps, Windows};
 use crate::error::{Error, at_least, try_vec};
 use tile::{Finish, tile};
 
@@ -97,13 +97,8 @@ impl<T: Sample> Direct<T> {
         self.span.saturating_sub(usize::from(self.on_differences)) <= FEW
     }
 
-    pub(super) fn apply(
-        &self,
-        x: &[T],
-        first: usize,
-        outs: &mut [&mut [T]],
-        scratch: &mut Scratch<T>,
-    ) -> Result<(), Error> {
+    pub(super) fn apply(&self, windows: Windows<'_, '_, T>, scratch: &mut Scratch<T>) -> Result<(), Error> {
+        let Windows { x, first, outs, .. } = windows;
         let op = self.rows(&x[first..], outs, scratch)?;
         // Few taps wait for memory, which registers of 32 bytes keep busier than those of 64 do (decision 0007).
         #[cfg(target_arch = "x86_64")]

@@ -31,7 +31,7 @@ use pulp::Arch;
 
 use self::block::{Apply, exponent};
 use super::negacyclic::Negacyclic;
-use super::{Sample, Scratch, Taps};
+use super::{Sample, Scratch, Taps, Windows};
 use crate::error::{Error, resize, try_vec};
 
 /// The spectra of the taps of every order.
@@ -108,16 +108,9 @@ impl<T: Sample> Fft<T> {
         2 * self.transform.half() + 1 - self.taps.max(1)
     }
 
-    pub(super) fn apply(
-        &self,
-        x: &[T],
-        first: usize,
-        origin: isize,
-        outs: &mut [&mut [T]],
-        scratch: &mut Scratch<T>,
-    ) -> Result<(), Error> {
+    pub(super) fn apply(&self, windows: Windows<'_, '_, T>, scratch: &mut Scratch<T>) -> Result<(), Error> {
         scratch.fft.prepare(self.transform.half(), self.transform.work())?;
-        Arch::new().dispatch(Apply { fft: self, x, first, origin, outs, buffers: &mut scratch.fft });
+        Arch::new().dispatch(Apply { fft: self, windows, buffers: &mut scratch.fft });
         Ok(())
     }
 }

@@ -19,6 +19,9 @@ pub(crate) use buffer::Buffer;
 pub use sample::Sample;
 pub use taps::Taps;
 
+#[cfg(test)]
+mod tests;
+
 use crate::error::{Error, try_vec};
 
 /// The closed set of engines.
@@ -46,6 +49,22 @@ pub enum Runner<T: Sample> {
     Moments(moments::Moments<T>),
     /// Spectra of blocks.
     Fft(fft::Fft<T>),
+}
+
+/// The windows of a row that start at `x[first]`, `x[first + 1]` and on, as many as each of `outs` holds values.
+///
+/// `x[0]` is the sample `origin` of its row. Engines whose sums depend on a grid lay it on the row, not on `x`; they may
+/// read any sample of `x`, but the outputs depend on those outside of their windows by rounding only.
+#[derive(Debug)]
+pub struct Windows<'a, 'o, T> {
+    /// Samples of the row.
+    pub x: &'a [T],
+    /// Where the first window starts in them.
+    pub first: usize,
+    /// Which sample of the row they start with.
+    pub origin: isize,
+    /// The outputs, for every order.
+    pub outs: &'a mut [&'o mut [T]],
 }
 
 /// A thread's own memory.
@@ -144,65 +163,44 @@ impl<T: Sample> Runner<T> {
         matches!(self, Self::Fft(_))
     }
 
-    /// For every order the outputs whose windows start at `x[first]`, `x[first + 1]` and on, as many as each of `outs` holds.
-    ///
-    /// `x[0]` is the sample `origin` of its row. Engines whose sums depend on a grid lay it on the row, not on `x`; they may
-    /// read any sample of `x`, but the outputs depend on those outside of their windows by rounding only.
-    pub fn apply(
-        &self,
-        x: &[T],
-        first: usize,
-        origin: isize,
-        outs: &mut [&mut [T]],
-        scratch: &mut Scratch<T>,
-    ) -> Result<(), Error> {
-        T::apply(self, x, first, origin, outs, scratch)
+    /// The outputs of `windows`, for every order.
+    pub fn apply(&self, windows: Windows<'_, '_, T>, scratch: &mut Scratch<T>) -> Result<(), Error> {
+        T::apply(self, windows, scratch)
     }
 
-    /// The same for [`Sample::LANES`] neighbouring rows at once: `x` is the matrix `(samples, LANES)`, and so are `outs`.
-    pub fn apply_lanes(
-        &self,
-        x: &[T],
-        origin: isize,
-        outs: &mut [&mut [T]],
-        scratch: &mut Scratch<T>,
-    ) -> Result<(), Error> {
-        T::apply_lanes(self, x, origin, outs, scratch)
+    /// The same for [`Sample::LANES`] neighbouring rows at once: the samples are the matrix `(samples, LANES)`, and so are the
+    /// outputs.
+    pub fn apply_lanes(&self, windows: Windows<'_, '_, T>, scratch: &mut Scratch<T>) -> Result<(), Error> {
+        T::apply_lanes(self, windows, scratch)
     }
 
-    fn run(
-        &self,
-        x: &[T],
-        first: usize,
-        origin: isize,
-        outs: &mut [&mut [T]],
-        scratch: &mut Scratch<T>,
-    ) -> Result<(), Error> {
+    fn run(&self, windows: Windows<'_, '_, T>, scratch: &mut Scratch<T>) -> Result<(), Error> {
         match self {
-            Self::Direct(direct) => direct.apply(x, first, outs, scratch),
-            Self::Moments(moments) => moments.apply(x, first, origin, outs, scratch),
-            Self::Fft(fft) => fft.apply(x, first, origin, outs, scratch),
+            Self::Direct(direct) => direct.apply(windows, scratch),
+            Self::Moments(moments) => moments.apply(windows, scratch),
+            Self::Fft(fft) => fft.apply(windows, scratch),
         }
     }
 
-    fn run_lanes(&self, x: &[T], origin: isize, outs: &mut [&mut [T]], scratch: &mut Scratch<T>) -> Result<(), Error> {
+    fn run_lanes(&self, windows: Windows<'_, '_, T>, scratch: &mut Scratch<T>) -> Result<(), Error> {
         match self {
-            Self::Direct(direct) => direct.apply_lanes(x, outs, scratch),
-            Self::Moments(moments) => moments.apply_lanes(x, origin, outs, scratch),
-            Self::Fft(_) => self.apply_each(x, origin, outs, scratch),
+            Self::Direct(direct) => direct.apply_lanes(windows, scratch),
+            Self::Moments(moments) => moments.apply_lanes(windows, scratch),
+            Self::Fft(_) => self.apply_each(windows, scratch),
         }
     }
 
     /// One lane after the other.
-    fn apply_each(&self, x: &[T], origin: isize, outs: &mut [&mut [T]], scratch: &mut Scratch<T>) -> Result<(), Error> {
+    fn apply_each(&self, windows: Windows<'_, '_, T>, scratch: &mut Scratch<T>) -> Result<(), Error> {
+        let Windows { x, first, origin, outs } = windows;
         let lanes = T::LANES;
-        let outputs = (x.len() / lanes + 1).saturating_sub(self.span());
+        let outputs = outs.first().map_or(0, |out| out.len() / lanes);
         let mut row = try_vec(x.len() / lanes, T::default())?;
         let mut results = try_vec(outputs * outs.len(), T::default())?;
         for lane in 0..lanes {
             row.iter_mut().zip(x[lane..].iter().step_by(lanes)).for_each(|(value, sample)| *value = *sample);
             let mut each: Vec<&mut [T]> = results.chunks_mut(outputs.max(1)).collect();
-            self.run(&row, 0, origin, &mut each, scratch)?;
+            self.run(Windows { x: &row, first, origin, outs: &mut each }, scratch)?;
             for (out, result) in outs.iter_mut().zip(each) {
                 out[lane..].iter_mut().step_by(lanes).zip(result).for_each(|(value, result)| *value = *result);
             }

@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 use algdiff_fft::Transforms;
 use pulp::Simd;
 
-use super::{Runner, Scratch, Taps};
+use super::{Runner, Scratch, Taps, Windows};
 use crate::bank::Runners;
 use crate::error::Error;
 
@@ -50,51 +50,17 @@ pub trait Sample:
     fn transforms(points: usize) -> Transforms<Self>;
     /// What [`Runner::apply`] does: for each type a function of its own, so that the engines are compiled here once, and not in
     /// every crate that calls them.
-    fn apply(
-        runner: &Runner<Self>,
-        x: &[Self],
-        first: usize,
-        origin: isize,
-        outs: &mut [&mut [Self]],
-        scratch: &mut Scratch<Self>,
-    ) -> Result<(), Error>;
+    fn apply(runner: &Runner<Self>, windows: Windows<'_, '_, Self>, scratch: &mut Scratch<Self>) -> Result<(), Error>;
     /// What [`Runner::apply_lanes`] does.
     fn apply_lanes(
         runner: &Runner<Self>,
-        x: &[Self],
-        origin: isize,
-        outs: &mut [&mut [Self]],
+        windows: Windows<'_, '_, Self>,
         scratch: &mut Scratch<Self>,
     ) -> Result<(), Error>;
     /// The nearest value of this type.
     fn from_f64(value: f64) -> Self;
     /// The same value as f64.
     fn to_f64(self) -> f64;
-}
-
-/// The engines for one type, compiled here.
-macro_rules! engines {
-    () => {
-        fn apply(
-            runner: &Runner<Self>,
-            x: &[Self],
-            first: usize,
-            origin: isize,
-            outs: &mut [&mut [Self]],
-            scratch: &mut Scratch<Self>,
-        ) -> Result<(), Error> {
-            runner.run(x, first, origin, outs, scratch)
-        }
-        fn apply_lanes(
-            runner: &Runner<Self>,
-            x: &[Self],
-            origin: isize,
-            outs: &mut [&mut [Self]],
-            scratch: &mut Scratch<Self>,
-        ) -> Result<(), Error> {
-            runner.run_lanes(x, origin, outs, scratch)
-        }
-    };
 }
 
 impl Sample for f64 {
@@ -142,7 +108,16 @@ impl Sample for f64 {
     fn transforms(points: usize) -> Transforms<Self> {
         Transforms::double(points)
     }
-    engines!();
+    fn apply(runner: &Runner<Self>, windows: Windows<'_, '_, Self>, scratch: &mut Scratch<Self>) -> Result<(), Error> {
+        runner.run(windows, scratch)
+    }
+    fn apply_lanes(
+        runner: &Runner<Self>,
+        windows: Windows<'_, '_, Self>,
+        scratch: &mut Scratch<Self>,
+    ) -> Result<(), Error> {
+        runner.run_lanes(windows, scratch)
+    }
     fn from_f64(value: f64) -> Self {
         value
     }
@@ -197,7 +172,16 @@ impl Sample for f32 {
     fn transforms(points: usize) -> Transforms<Self> {
         Transforms::single(points)
     }
-    engines!();
+    fn apply(runner: &Runner<Self>, windows: Windows<'_, '_, Self>, scratch: &mut Scratch<Self>) -> Result<(), Error> {
+        runner.run(windows, scratch)
+    }
+    fn apply_lanes(
+        runner: &Runner<Self>,
+        windows: Windows<'_, '_, Self>,
+        scratch: &mut Scratch<Self>,
+    ) -> Result<(), Error> {
+        runner.run_lanes(windows, scratch)
+    }
     fn from_f64(value: f64) -> Self {
         value as Self
     }

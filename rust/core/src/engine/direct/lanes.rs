@@ -11,7 +11,7 @@ use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::super::{Sample, Scratch};
+use super::super::{Sample, Scratch, Windows};
 use super::tile::{Finish, rest, tile};
 use super::{DEPTH, Direct, TILE, aligned, difference, order, pieces};
 use crate::error::{Error, at_least};
@@ -23,14 +23,14 @@ const BLOCK: usize = 256;
 const WORTHY: usize = 32;
 
 impl<T: Sample> Direct<T> {
-    /// `x` is the matrix `(samples, LANES)`, and so are `outs`.
+    /// What [`Runner::apply_lanes`](super::super::Runner::apply_lanes) does.
     pub(in super::super) fn apply_lanes(
         &self,
-        x: &[T],
-        outs: &mut [&mut [T]],
+        windows: Windows<'_, '_, T>,
         scratch: &mut Scratch<T>,
     ) -> Result<(), Error> {
-        Arch::new().dispatch(self.lanes(x, outs, scratch)?);
+        let Windows { x, first, outs, .. } = windows;
+        Arch::new().dispatch(self.lanes(&x[first * T::LANES..], outs, scratch)?);
         Ok(())
     }
 

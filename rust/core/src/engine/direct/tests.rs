@@ -13,7 +13,7 @@ fn signal(length: usize) -> Vec<f64> {
 fn run(taps: &Taps, x: &[f64]) -> Vec<f64> {
     let mut out = vec![f64::NAN; x.len() + 1 - taps.span()];
     let direct = Direct::new(&[taps]).expect("small");
-    direct.apply(x, 0, &mut [&mut out], &mut Scratch::default()).expect("small");
+    direct.apply(Windows { x, first: 0, origin: 0, outs: &mut [&mut out] }, &mut Scratch::default()).expect("small");
     out
 }
 
@@ -160,7 +160,8 @@ fn every_width_agrees<T: Sample>(taps: &Taps, outputs: usize) {
         }
     }
     let mut out = vec![T::default(); outputs];
-    direct.apply(&rows[0], 0, &mut [&mut out], &mut Scratch::default()).expect("small");
+    let windows = Windows { x: &rows[0], first: 0, origin: 0, outs: &mut [&mut out] };
+    direct.apply(windows, &mut Scratch::default()).expect("small");
     assert!(bits(&out) == row, "dispatched: {what}");
 }
 

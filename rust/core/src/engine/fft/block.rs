@@ -11,8 +11,8 @@ use pulp::{Simd, WithSimd};
 
 use super::loudness::{loud, quiet, window_peaks};
 use super::{Buffers, Fft};
-use crate::engine::Sample;
 use crate::engine::negacyclic::multiply;
+use crate::engine::{Sample, Windows};
 
 /// The part of a block that a call wants.
 struct Part {
@@ -33,10 +33,7 @@ impl Part {
 
 pub(super) struct Apply<'a, 'o, T: Sample> {
     pub(super) fft: &'a Fft<T>,
-    pub(super) x: &'a [T],
-    pub(super) first: usize,
-    pub(super) origin: isize,
-    pub(super) outs: &'a mut [&'o mut [T]],
+    pub(super) windows: Windows<'a, 'o, T>,
     pub(super) buffers: &'a mut Buffers<T>,
 }
 
@@ -45,12 +42,12 @@ impl<T: Sample> WithSimd for Apply<'_, '_, T> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(mut self, _simd: S) {
-        let outputs = self.outs.first().map_or(0, |out| out.len());
+        let outputs = self.windows.outs.first().map_or(0, |out| out.len());
         let hop = self.fft.grid();
         let mut done = 0;
         while done < outputs {
-            let first = (self.first + done).cast_signed();
-            let offset = (self.origin + first).rem_euclid(hop.cast_signed());
+            let first = (self.windows.first + done).cast_signed();
+            let offset = (self.windows.origin + first).rem_euclid(hop.cast_signed());
             let skipped = offset.cast_unsigned();
             let end = outputs.min(done + hop - skipped);
             let wanted = skipped..skipped + end - done;
@@ -98,8 +95,8 @@ impl<T: Sample> Apply<'_, '_, T> {
         let lag = usize::from(self.fft.on_differences);
         let samples = &mut self.buffers.samples;
         let place = |index: usize| (index.cast_signed() - start).clamp(0, samples.len().cast_signed()).cast_unsigned();
-        let there = place(0)..place(self.x.len() - lag);
-        let x = &self.x[(there.start.cast_signed() + start).cast_unsigned()..][..there.len() + lag];
+        let there = place(0)..place(self.windows.x.len() - lag);
+        let x = &self.windows.x[(there.start.cast_signed() + start).cast_unsigned()..][..there.len() + lag];
         samples[..there.start].fill(T::default());
         samples[there.end..].fill(T::default());
         let samples = &mut samples[there.clone()];
@@ -117,12 +114,12 @@ impl<T: Sample> Apply<'_, '_, T> {
     #[inline(always)]
     fn settle(&mut self, part: &Part) {
         let infinity = T::from_f64(f64::INFINITY);
-        for (order, out) in self.fft.orders.iter().zip(self.outs.iter_mut()) {
+        for (order, out) in self.fft.orders.iter().zip(self.windows.outs.iter_mut()) {
             let out = &mut out[part.outputs.clone()];
             for (value, size) in out.iter_mut().zip(&self.buffers.peaks[part.wanted.clone()]) {
                 *value = if *size < infinity { T::default() } else { T::from_f64(f64::NAN) };
             }
-            order.add_anchors(&self.x[part.first()..], out);
+            order.add_anchors(&self.windows.x[part.first()..], out);
         }
     }
 
@@ -136,20 +133,20 @@ impl<T: Sample> Apply<'_, '_, T> {
         // Neither sums nor products of samples near 1 leave the range of numbers.
         let exponent = exponent(peak.to_f64()).clamp(-most::<T>(), most::<T>());
         transform.forward(samples, (peak, power(-exponent)), spectrum, work);
-        for (order, out) in orders.iter().zip(self.outs.iter_mut()) {
+        for (order, out) in orders.iter().zip(self.windows.outs.iter_mut()) {
             let out = &mut out[part.outputs.clone()];
             multiply(spectrum, &order.spectrum, product);
             let factors = halves(exponent + order.exponent);
             if served.is_none() && part.wanted == (0..self.fft.grid()) && out.len() > half {
                 let (low, high) = out.split_at_mut(half);
                 transform.inverse(product, work, factors, low, high);
-                order.add_anchors(&self.x[part.first()..], out);
+                order.add_anchors(&self.windows.x[part.first()..], out);
                 continue;
             }
             let (low, high) = values.split_at_mut(half);
             transform.inverse(product, work, factors, low, high);
             let sums = &mut values[part.wanted.clone()];
-            order.add_anchors(&self.x[part.first()..], sums);
+            order.add_anchors(&self.windows.x[part.first()..], sums);
             for ((value, sum), size) in out.iter_mut().zip(sums).zip(&peaks[part.wanted.clone()]) {
                 if served.is_none_or(|served| served(*size)) {
                     *value = *sum;

@@ -31,7 +31,7 @@ fn fft<T: Sample>(orders: &[&Taps]) -> Runner<T> {
 /// Outputs `from..` of the row `x`, whose first sample is `origin`.
 fn part<T: Sample>(runner: &Runner<T>, x: &[T], from: usize, count: usize, origin: isize) -> Vec<T> {
     let mut out = vec![T::from_f64(777.0); count];
-    runner.apply(x, from, origin, &mut [&mut out], &mut Scratch::default()).expect("small");
+    runner.apply(Windows { x, first: from, origin, outs: &mut [&mut out] }, &mut Scratch::default()).expect("small");
     out
 }
 
@@ -224,7 +224,7 @@ fn several_orders_equal_each_alone() {
     let mut outs = vec![vec![0.0; outputs]; 3];
     let runner = fft::<f64>(&orders.each_ref());
     let mut each: Vec<&mut [f64]> = outs.iter_mut().map(Vec::as_mut_slice).collect();
-    runner.apply(&x, 0, 0, &mut each, &mut Scratch::default()).expect("small");
+    runner.apply(Windows { x: &x, first: 0, origin: 0, outs: &mut each }, &mut Scratch::default()).expect("small");
     for (taps, out) in orders.iter().zip(&outs) {
         assert!(same(&whole(taps, &x), out));
     }

@@ -28,7 +28,7 @@ mod run;
 
 use pulp::Arch;
 
-use super::{Sample, Scratch, Taps};
+use super::{Sample, Scratch, Taps, Windows};
 use crate::error::Error;
 
 use across::Rows;
@@ -81,30 +81,17 @@ impl<T: Sample> Moments<T> {
         self.tables.shape
     }
 
-    pub(super) fn apply(
-        &self,
-        x: &[T],
-        first: usize,
-        origin: isize,
-        outs: &mut [&mut [T]],
-        scratch: &mut Scratch<T>,
-    ) -> Result<(), Error> {
+    pub(super) fn apply(&self, windows: Windows<'_, '_, T>, scratch: &mut Scratch<T>) -> Result<(), Error> {
         let room = &mut scratch.moments;
         room.prepare(&self.tables, 1, self.tables.stride)?;
-        Arch::new().dispatch(Run { moments: self, x, first, origin, outs, room });
+        Arch::new().dispatch(Run { moments: self, windows, room });
         Ok(())
     }
 
-    pub(super) fn apply_lanes(
-        &self,
-        x: &[T],
-        origin: isize,
-        outs: &mut [&mut [T]],
-        scratch: &mut Scratch<T>,
-    ) -> Result<(), Error> {
+    pub(super) fn apply_lanes(&self, windows: Windows<'_, '_, T>, scratch: &mut Scratch<T>) -> Result<(), Error> {
         let room = &mut scratch.moments;
         room.prepare(&self.tables, T::LANES, self.tables.shape.moments * T::LANES)?;
-        Arch::new().dispatch(Rows(Run { moments: self, x, first: 0, origin, outs, room }));
+        Arch::new().dispatch(Rows(Run { moments: self, windows, room }));
         Ok(())
     }
 }

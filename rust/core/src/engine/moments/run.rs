@@ -5,9 +5,9 @@
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
 )]
 
-use super::super::Sample;
 use super::super::prefetch::prefetch;
 use super::super::stream::rescale;
+use super::super::{Sample, Windows};
 use super::Moments;
 use super::design::{Order, Shape, Tables};
 use super::lay::Lay;
@@ -22,14 +22,10 @@ pub const FEW: usize = 8;
 /// Bytes that are asked for before they are needed.
 const AHEAD: usize = 4096;
 
-/// What is to be computed: `x[0]` is the sample `origin` of its row; the windows of the outputs
-/// start at sample `first` of x and on.
+/// What is to be computed, and where.
 pub struct Run<'a, 'o, T: Sample> {
     pub moments: &'a Moments<T>,
-    pub x: &'a [T],
-    pub first: usize,
-    pub origin: isize,
-    pub outs: &'a mut [&'o mut [T]],
+    pub windows: Windows<'a, 'o, T>,
     pub room: &'a mut Room<T>,
 }
 
@@ -48,12 +44,13 @@ impl<'a, T: Sample> Run<'a, '_, T> {
     #[inline(always)]
     pub fn go<L: Lay<T>>(mut self, lay: L) {
         let block = self.moments.tables.shape.block.cast_signed();
-        let window = self.origin + self.first.cast_signed();
+        let Windows { first, origin, .. } = self.windows;
+        let window = origin + first.cast_signed();
         let lead = window.rem_euclid(STEP.cast_signed() * block).cast_unsigned();
         // Where the step of the first window starts in x, and which block of the row that is.
-        let start = self.first.cast_signed() - lead.cast_signed();
+        let start = first.cast_signed() - lead.cast_signed();
         let first = (window - lead.cast_signed()).div_euclid(block);
-        let outputs = self.outs.first().map_or(0, |out| out.len() / L::UNIT);
+        let outputs = self.windows.outs.first().map_or(0, |out| out.len() / L::UNIT);
         self.warm_up(lay, start, first);
         for done in (0..lead + outputs).step_by(STEP * block.cast_unsigned()) {
             let step = Step { here: start + done.cast_signed(), block: first + done.cast_signed() / block, done, lead };
@@ -81,7 +78,7 @@ impl<'a, T: Sample> Run<'a, '_, T> {
 
     #[inline(always)]
     fn source<L: Lay<T>>(&self) -> Source<'a, T> {
-        Source { x: self.x, unit: L::UNIT, on_differences: self.moments.on_differences }
+        Source { x: self.windows.x, unit: L::UNIT, on_differences: self.moments.on_differences }
     }
 
     /// The stream that the step at `here` reads.
@@ -142,7 +139,7 @@ impl<'a, T: Sample> Run<'a, '_, T> {
     /// The outputs of a step.
     #[inline(always)]
     fn deliver<L: Lay<T>>(&mut self, lay: L, step: &Step) {
-        let Self { moments: Moments { tables, .. }, x, outs, room, first, .. } = self;
+        let Self { moments: Moments { tables, .. }, windows: Windows { x, first, outs, .. }, room } = self;
         let Step { here, done, lead, .. } = *step;
         let shape = tables.shape;
         let length = STEP * shape.block;

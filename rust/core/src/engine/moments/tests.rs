@@ -34,7 +34,7 @@ fn naive(weights: &[f64], x: &[f64]) -> Vec<f64> {
 
 fn run<T: Sample>(runner: &Runner<T>, x: &[T], first: usize, origin: isize, outputs: usize) -> Vec<T> {
     let mut out = vec![T::from_f64(f64::NAN); outputs];
-    runner.apply(x, first, origin, &mut [&mut out], &mut Scratch::default()).expect("small");
+    runner.apply(Windows { x, first, origin, outs: &mut [&mut out] }, &mut Scratch::default()).expect("small");
     out
 }
 
@@ -87,7 +87,8 @@ fn no_cut_and_no_lane_changes_a_bit() {
         }
         let side_by_side: Vec<f64> = x.iter().flat_map(|x| [*x, 0.0, f64::NAN, -*x, 1.0, 2.0 * *x, *x, 1e9]).collect();
         let mut out = vec![0.0; 8 * 1500];
-        runner.apply_lanes(&side_by_side, -70, &mut [&mut out], &mut Scratch::default()).expect("small");
+        let windows = Windows { x: &side_by_side, first: 0, origin: -70, outs: &mut [&mut out] };
+        runner.apply_lanes(windows, &mut Scratch::default()).expect("small");
         let lane = |lane: usize| bits(&out.iter().skip(lane).step_by(8).copied().collect::<Vec<_>>());
         assert_eq!(lane(0), bits(&whole));
         assert_eq!(lane(6), bits(&whole));
@@ -158,11 +159,17 @@ fn by_registers<T: Sample, S: Simd>(simd: S, moments: &Moments<T>, x: &[T], outp
     let mut row = vec![T::from_f64(f64::NAN); outputs];
     let mut room = Room::default();
     room.prepare(tables, 1, tables.stride).expect("small");
-    Simd::vectorize(simd, Run { moments, x, first: 0, origin, outs: &mut [&mut row], room: &mut room });
+    Simd::vectorize(
+        simd,
+        Run { moments, windows: Windows { x, first: 0, origin, outs: &mut [&mut row] }, room: &mut room },
+    );
     let mut lanes = vec![T::from_f64(f64::NAN); outputs * T::LANES];
     let x: Vec<T> = x.iter().flat_map(|value| std::iter::repeat_n(*value, T::LANES)).collect();
     room.prepare(tables, T::LANES, tables.shape.moments * T::LANES).expect("small");
-    Simd::vectorize(simd, Rows(Run { moments, x: &x, first: 0, origin, outs: &mut [&mut lanes], room: &mut room }));
+    Simd::vectorize(
+        simd,
+        Rows(Run { moments, windows: Windows { x: &x, first: 0, origin, outs: &mut [&mut lanes] }, room: &mut room }),
+    );
     [row, lanes]
 }
 
