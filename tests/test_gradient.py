@@ -70,6 +70,37 @@ def test_a_window_is_that_of_differentiate() -> None:
     assert algdiff.gradient(f.astype(np.float32), window_length=11, axis=0).dtype == np.float32  # type: ignore[union-attr]
 
 
+@pytest.mark.parametrize("shape", [(20,), (20, 21), (16, 14, 15)])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.complex64, np.int16])
+def test_smooth_is_partial(shape: tuple[int, ...], dtype: Any) -> None:
+    f = (10 * np.random.default_rng(3).standard_normal(shape)).astype(dtype)
+    ndim = len(shape)
+    windows, steps = [9, 10, 11][:ndim], [0.5, -2.0, 3.0][:ndim]
+    coordinates = [7 + step * np.arange(size) for step, size in zip(steps, shape, strict=True)]
+    options: dict[str, Any] = {"window_length": windows, "mode": "nearest", "kappa": 0.5, "degree": [3, 2, 4][:ndim]}
+    for spacing in (steps, coordinates):
+        parts = algdiff.gradient(f, *spacing, smooth=True, **options)
+        assert isinstance(parts, tuple) == (ndim > 1)
+        for axis, part in enumerate(parts if isinstance(parts, tuple) else (parts,)):
+            # The orders of one pass, or each in its own: the direct engine, which these windows take, gives one result.
+            deriv = [int(axis == one) for one in range(ndim)]
+            np.testing.assert_array_equal(part, algdiff.partial(f, deriv, spacing=spacing, **options))
+            alone = algdiff.partial(f, deriv, spacing=spacing, smooth=False, **options)
+            plain = algdiff.gradient(f, *spacing, **options)
+            np.testing.assert_array_equal(plain[axis] if isinstance(plain, tuple) else plain, alone)
+
+
+def test_smooth_along_the_axes_that_are_named() -> None:
+    f = np.random.default_rng(4).standard_normal((20, 21, 22))
+    last, first = algdiff.gradient(f, 0.5, axis=(-1, 0), window_length=(9, 7), smooth=True)
+    words: dict[str, Any] = {"axes": (-1, 0), "spacing": 0.5, "degree": 3}
+    np.testing.assert_array_equal(last, algdiff.partial(f, (1, 0), (9, 7), **words))
+    np.testing.assert_array_equal(first, algdiff.partial(f, (0, 1), (9, 7), **words))
+    alone = algdiff.gradient(f, axis=1, window_length=9)
+    np.testing.assert_array_equal(algdiff.gradient(f, axis=1, window_length=9, smooth=True), alone)
+    assert algdiff.gradient(f, axis=(), window_length=9, smooth=True) == ()
+
+
 @pytest.mark.parametrize(
     ("error", "match", "spacing", "options"),
     [
@@ -91,6 +122,13 @@ def test_a_window_is_that_of_differentiate() -> None:
         (ValueError, "axis must", (), {"window_length": 5, "axis": 1}),
         (ValueError, "axis must name every axis once", (), {"window_length": 5, "axis": (0, 0)}),
         (ValueError, "degree must come with window_length", (), {"degree": 2}),
+        (ValueError, "smooth must come with window_length", (), {"smooth": True}),
+        (TypeError, "smooth must be True or False, got 5", (), {"window_length": 5, "smooth": 5}),
+        (ValueError, "trim must be left out", (), {"window_length": 5, "smooth": True, "trim": 0.1}),
+        (ValueError, "delay must be left out", (), {"window_length": 5, "smooth": True, "delay": 1.0}),
+        (ValueError, "mode must keep the shape", (), {"window_length": 5, "smooth": True, "mode": "valid"}),
+        (ValueError, "window_length must be one for all or one for each of 1", (), {"window_length": (5, 5)}),
+        (ValueError, "degree must be one for all or one for each of 1", (), {"window_length": 5, "degree": (2, 2)}),
         (TypeError, "unexpected keywords: window", (), {"window_length": 5, "window": 2}),
         (ValueError, "window_length must be at most the 7 samples", (), {"window_length": 9}),
     ],

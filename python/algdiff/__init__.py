@@ -19,9 +19,12 @@ from algdiff._choice import DelayTradeoff, delay_tradeoff, optimal_window
 from algdiff._core import InternalError
 from algdiff._differentiate import differentiate
 from algdiff._differentiator import Differentiator
+from algdiff._fields import hessian, laplacian, partial
 from algdiff._gradient import gradient
 from algdiff._kernel import Asymptotes, Kernel
+from algdiff._noise import noise_level
 from algdiff._plot import plot_design, plot_kernel, plot_response
+from algdiff._results import Estimates
 from algdiff._savgol import savgol_coeffs, savgol_filter
 from algdiff._warnings import DesignWarning
 
@@ -32,14 +35,19 @@ __all__ = [
     "DelayTradeoff",
     "DesignWarning",
     "Differentiator",
+    "Estimates",
     "InternalError",
     "Kernel",
     "__version__",
     "delay_tradeoff",
     "differentiate",
     "gradient",
+    "hessian",
+    "laplacian",
+    "noise_level",
     "optimal_window",
     "paper",
+    "partial",
     "plot_design",
     "plot_kernel",
     "plot_response",

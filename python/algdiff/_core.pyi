@@ -4,7 +4,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Bank", "InternalError", "Kernel", "Plan", "Simultaneous", "delay_tradeoff", "lambdas"]
+__all__ = ["Bank", "Fits", "InternalError", "Kernel", "Plan", "Simultaneous", "delay_tradeoff", "lambdas"]
 
 class InternalError(RuntimeError): ...
 
@@ -95,6 +95,49 @@ class Bank:
         half_sample: bool = False,
         aligned: bool = False,
         part: tuple[int, int, int] | None = None,
+        threads: int = 0,
+        progress: Callable[[float], object] | None = None,
+    ) -> None: ...
+
+@final
+class Fits:
+    def __new__(cls, plans: list[Plan], beyond: int) -> Fits: ...
+    def run(
+        self,
+        x: NDArray[np.float64] | NDArray[np.float32],
+        layout: tuple[int, int, int],
+        estimate: NDArray[np.float64] | NDArray[np.float32],
+        std: NDArray[np.float64] | NDArray[np.float32] | None = None,
+        bias: NDArray[np.float64] | NDArray[np.float32] | None = None,
+        support: NDArray[np.int64] | None = None,
+        *,
+        mode: str = "fit",
+        cval: float = 0.0,
+        least: int | None = None,
+        t: NDArray[np.float64] | None = None,
+        duration: float | None = None,
+        beyond: float = 0.0,
+        at: NDArray[np.float64] | None = None,
+        valid: bool = False,
+        listed: NDArray[np.int64] | None = None,
+        weights: NDArray[np.float64] | None = None,
+        level: NDArray[np.float64] | None = None,
+        autocovariance: NDArray[np.float64] | None = None,
+        omit: bool = False,
+        min_support: int = 0,
+        max_gain: tuple[float, float] = ...,
+        threads: int = 0,
+        progress: Callable[[float], object] | None = None,
+    ) -> None: ...
+    def refill(
+        self,
+        x: NDArray[np.float64] | NDArray[np.float32],
+        out: NDArray[np.float64] | NDArray[np.float32],
+        layout: tuple[int, int, int],
+        *,
+        valid: bool = False,
+        max_gain: float = ...,
+        min_support: int = 0,
         threads: int = 0,
         progress: Callable[[float], object] | None = None,
     ) -> None: ...

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import SupportsIndex
+from typing import Any, SupportsIndex
 
+import numpy as np
 from numpy.typing import ArrayLike
 
+from algdiff import _arguments as arguments
 from algdiff import _orders as orders
 from algdiff._arguments import Samples
 from algdiff._differentiator import remembered
+from algdiff._times import lasting
 
 
 def differentiate(
     x: ArrayLike,
-    window_length: SupportsIndex,
+    window_length: SupportsIndex | None = None,
     deriv: SupportsIndex | Sequence[SupportsIndex] = 1,
     *,
     degree: SupportsIndex | None = None,
@@ -24,15 +27,29 @@ def differentiate(
     delay: float | None = None,
     delta: float | None = None,
     fs: float | None = None,
+    t: ArrayLike | None = None,
+    at: ArrayLike | None = None,
+    window_duration: float | np.timedelta64 | None = None,
     axis: int = -1,
     mode: str = "fit",
     cval: complex = 0.0,
+    edge_window: str = "full",
+    nan_policy: str = "propagate",
+    min_support: SupportsIndex | None = None,
+    max_gain: float | None = None,
+    weights: ArrayLike | None = None,
+    period: float | None = None,
+    return_std: bool = False,
+    return_support: bool = False,
+    return_bias: bool = False,
+    sigma: ArrayLike | None = None,
+    autocovariance: ArrayLike | None = None,
     rule: str = "exact",
     trim: float = 0.0,
     engine: str = "auto",
     out: Samples | None = None,
     threads: int | None = None,
-) -> Samples:
+) -> Any:
     """Differentiate noisy samples by a sliding window.
 
     The same as ``Differentiator(window_length, deriv, ...)(x, ...)``, which says what the arguments mean. Make the
@@ -43,7 +60,7 @@ def differentiate(
     x : array_like
         Samples, `delta` apart along `axis`.
     window_length : int
-        Number of samples in the window.
+        Number of samples in the window. Give this or `window_duration`.
     deriv : int or sequence of int
         Order of the derivative; 0 smooths. Several are computed in one pass.
     degree : int, optional
@@ -56,12 +73,32 @@ def differentiate(
         Instead of `tau`: the time from the estimate to the newest sample.
     delta, fs : float, optional
         Sampling step (default 1), or sampling rate.
+    t : array_like, optional
+        Instead: the times of the samples, strictly monotone, evenly spaced or not; numbers or datetime64.
+    at : array_like, optional
+        Times at which estimates are wanted, instead of those of the samples.
+    window_duration : float or timedelta64, optional
+        Duration of the window.
     axis : int
         The axis of time in `x`.
     mode : {"fit", "valid", "nan", "nearest", "mirror", "wrap", "constant"}
         What happens at the ends; "fit" goes on to the last sample, "valid" gives the whole windows only.
     cval : float
         The value beyond the data in mode "constant".
+    edge_window : {"full", "shrink"}
+        Whether windows stay as long as they are at the ends, or shrink.
+    nan_policy : {"propagate", "omit", "raise"}
+        What NaN and masked samples do: spread over their windows, be left out of the fits, or be refused.
+    min_support, max_gain : int, float, optional
+        Samples that a fit needs, and how much noise gaps may add, or the estimate is NaN.
+    weights : array_like, optional
+        Inverse variances of the samples.
+    period : float, optional
+        The period of samples that are angles.
+    return_std, return_support, return_bias : bool
+        Return `Estimates`: the standard deviation of each, the number of samples it uses, an indicator of its bias.
+    sigma, autocovariance : array_like, optional
+        The standard deviation of the noise, or its covariance; by default `noise_level`.
     rule : {"exact", "trapezoid", "midpoint", "simpson", "cell", "hat"}
         How the continuous kernel becomes weights.
     trim : float
@@ -75,7 +112,7 @@ def differentiate(
 
     Returns
     -------
-    ndarray
+    ndarray or Estimates
         The estimates, in the shape of `x` (shorter along `axis` in mode "valid"), in the unit of `x` over that of
         ``delta**deriv``; float32 and complex64 stay, everything else becomes float64 or complex128. Several orders
         lie along a leading axis, in the order of `deriv`.
@@ -99,7 +136,32 @@ def differentiate(
     """
     if type(deriv) is not int:
         deriv = orders.checked(deriv)
+    if t is not None and (delta is not None or fs is not None):
+        raise ValueError("give t, delta or fs: got t and another")
+    if window_length is None or window_duration is not None:
+        window_length = lasting(window_duration, window_length, t, arguments.sampling_step(delta, fs), degree, deriv)
     design = remembered(window_length, deriv, degree, kappa, mu, tau, delay, delta, fs, rule, trim, engine)
     if design._crowded:
         design._warn()
-    return design(x, axis, mode=mode, cval=cval, out=out, threads=threads)
+    return design(
+        x,
+        axis,
+        mode=mode,
+        cval=cval,
+        t=t,
+        at=at,
+        window_duration=window_duration,
+        edge_window=edge_window,
+        nan_policy=nan_policy,
+        min_support=min_support,
+        max_gain=max_gain,
+        weights=weights,
+        period=period,
+        return_std=return_std,
+        return_support=return_support,
+        return_bias=return_bias,
+        sigma=sigma,
+        autocovariance=autocovariance,
+        out=out,
+        threads=threads,
+    )

@@ -16,10 +16,12 @@ from algdiff import _export as export
 from algdiff import _report as report
 from algdiff._arguments import Progress, Samples
 from algdiff._core import Bank, Plan
+from algdiff._estimates import estimates
 from algdiff._filter import Filter
 from algdiff._orders import single
 from algdiff._run import run
 from algdiff._warnings import DesignWarning, outside
+from algdiff._wish import Call, Wish
 from algdiff._wishes import Wishes
 
 
@@ -259,10 +261,24 @@ class Differentiator(Wishes, Filter):
         *,
         mode: str = "fit",
         cval: complex = 0.0,
+        t: ArrayLike | None = None,
+        at: ArrayLike | None = None,
+        window_duration: float | np.timedelta64 | None = None,
+        edge_window: str = "full",
+        nan_policy: str = "propagate",
+        min_support: SupportsIndex | None = None,
+        max_gain: float | None = None,
+        weights: ArrayLike | None = None,
+        period: float | None = None,
+        return_std: bool = False,
+        return_support: bool = False,
+        return_bias: bool = False,
+        sigma: ArrayLike | None = None,
+        autocovariance: ArrayLike | None = None,
         out: Samples | None = None,
         threads: int | None = None,
         progress: Progress | None = None,
-    ) -> Samples:
+    ) -> Any:
         """Differentiate `x` along `axis`.
 
         Parameters
@@ -284,6 +300,42 @@ class Differentiator(Wishes, Filter):
             the data, with their last value, mirrored at the last sample, periodically, or with `cval`.
         cval : float
             The value beyond the data in mode "constant".
+        t : array_like, optional
+            Times of the samples along `axis`, instead of `delta`: strictly ascending or descending, any spacing,
+            numbers or datetime64 (then in seconds). Each estimate is a fit on the samples of its window at their own times, the
+            window being `window_length` samples that lie around it as they would if they were even, with T their range
+            and one mean step more. Even times, to 1e-9 of a step and their rounding, are recognised and cost nothing.
+        at : array_like, optional
+            Times at which estimates are wanted, instead of those of the samples; with `delta`, counted from the first
+            sample. The window is that of the nearest sample.
+        window_duration : float or timedelta64, optional
+            Instead of `window_length`: T, in the unit of `t` or `delta`. Windows hold the samples within it, however
+            many, and are shifted at the ends; even samples make it a number of samples.
+        edge_window : {"full", "shrink"}
+            In mode "fit", "shrink" takes shorter windows toward the ends, with `tau` as near as can be to its place,
+            of at least ``2 * degree + 1`` (or `min_support`) samples: less bias, more noise.
+        nan_policy : {"propagate", "omit", "raise"}
+            What NaN and masked samples do. "propagate" makes every estimate NaN whose window holds one; "omit" fits
+            `degree` to the other samples of such windows, at the same `tau`; "raise" refuses them.
+        min_support : int, optional
+            Samples that a window must hold for an estimate, or it is NaN; at least, and by default, ``degree + 1``.
+        max_gain : float, optional
+            By what factor the noise gain may exceed that of the whole evenly filled window at the same `tau`, or the
+            estimate is NaN; by default 100 where samples are missing, and unlimited elsewhere.
+        weights : array_like, optional
+            Inverse variances of the samples, of shape ``(x.shape[axis],)`` or of that of `x`, by which the weight of
+            the fit is multiplied. A sample of weight 0 is left out.
+        period : float, optional
+            `x` is an angle that is the same after `period`: no step between samples is more than half of it. Smoothed
+            angles stay on the turn of the sample next to them.
+        return_std, return_support, return_bias : bool
+            Return `Estimates`, with the standard deviation, the number of samples used, or an indicator of the bias of
+            every estimate: how far it is from the fit of degree ``exactness + 1``.
+        sigma : float or array_like, optional
+            Standard deviation of the noise in the samples, of one or of each (shapes as for `weights`); by default
+            `noise_level` along every row, over the root of `weights` if these are given.
+        autocovariance : array_like, optional
+            Instead of `sigma`: the covariance of the noise of samples 0, 1, 2, ... apart.
         out : ndarray, optional
             Where the result goes: of its shape and dtype, not overlapping `x`.
         threads : int, optional
@@ -295,9 +347,9 @@ class Differentiator(Wishes, Filter):
 
         Returns
         -------
-        ndarray
+        ndarray or Estimates
             The estimates, in the unit of `x` over that of ``delta**deriv``. A NaN in `x` makes every estimate NaN
-            whose window contains it, and no other; so does an infinity. Of several orders, along a leading axis. The
+            whose window contains it, and no other; so does an infinity. Masked arrays return masked. Of several orders, along a leading axis. The
             axes lie in memory in the order of those of `x`.
 
         Raises
@@ -310,6 +362,12 @@ class Differentiator(Wishes, Filter):
         MemoryError
             The result does not fit into memory.
         """
+        more = return_std or return_support or return_bias
+        words = nan_policy != "propagate" or edge_window != "full"
+        given = (t, at, window_duration, min_support, max_gain, weights, period, sigma, autocovariance)
+        if more or words or any(value is not None for value in given) or isinstance(x, np.ma.MaskedArray):
+            flags = (edge_window, nan_policy, return_std, return_support, return_bias)
+            return estimates(self, x, Call(axis, mode, cval, out, threads, progress), Wish(*given, *flags))
         return run(
             self._bank,
             self._plan,

@@ -72,7 +72,7 @@ impl<T: Sample> Worker<'_, T> {
         column: usize,
         outputs: &Range<usize>,
         lines: &mut [&mut [T]],
-        between: &mut impl FnMut(),
+        between: &mut dyn FnMut(),
     ) -> Result<(), Error> {
         let wide = lines.first().map_or(0, |line| line.len());
         let (strips, width) = match self.frame.gather {
@@ -224,7 +224,7 @@ impl<T: Sample> Worker<'_, T> {
         columns: &Range<usize>,
         outputs: &Range<usize>,
         lines: &mut [&mut [T]],
-        between: &mut impl FnMut(),
+        between: &mut dyn FnMut(),
     ) -> Result<(), Error> {
         let (frame, inner) = (self.frame, self.frame.layout.inner);
         let reads = frame.reads(outputs);

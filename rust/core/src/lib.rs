@@ -15,6 +15,8 @@
 //! * [`engine`]: how the weights of a plan meet the data;
 //! * [`ends`]: what happens where the window does not lie inside the data;
 //! * [`run`]: arrays, threads and stopping on request;
+//! * [`local`], [`gaps`], [`irregular`], [`fits`]: the fit on whatever samples there are, one for every estimate: missing samples,
+//!   uneven times, weights, errors;
 //! * [`paper`]: the source paper's own systems, on which nothing is built.
 //!
 //! ```
@@ -41,9 +43,13 @@ pub mod engine;
 pub mod error;
 pub mod filter;
 pub mod fit;
+pub mod fits;
 mod frame;
+pub mod gaps;
+pub mod irregular;
 pub mod jacobi;
 pub mod kernel;
+pub mod local;
 mod moves;
 pub mod paper;
 pub mod plan;

@@ -114,6 +114,12 @@ impl Plan {
         self.exactness
     }
 
+    /// The samples of the window that have a weight: all, unless it is trimmed.
+    #[must_use]
+    pub fn kept(&self) -> Range<usize> {
+        self.kept.clone()
+    }
+
     /// Number of weights: the window without what was trimmed.
     #[must_use]
     pub fn span(&self) -> usize {

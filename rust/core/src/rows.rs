@@ -64,7 +64,7 @@ impl<'a, T: Sample> Worker<'a, T> {
     }
 
     /// Whether to go on.
-    pub fn proceed(&self, between: &mut impl FnMut()) -> Result<(), Error> {
+    pub fn proceed(&self, between: &mut dyn FnMut()) -> Result<(), Error> {
         between();
         if self.stop.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok(()) }
     }
@@ -75,7 +75,7 @@ impl<'a, T: Sample> Worker<'a, T> {
         row: Row<'_, T>,
         outputs: Range<usize>,
         outs: &mut [&mut [T]],
-        between: &mut impl FnMut(),
+        between: &mut dyn FnMut(),
     ) -> Result<(), Error> {
         let body = if row.extended { outputs.clone() } else { self.frame.inside(&outputs) };
         self.end(row, outputs.start..body.start, &mut part(outs, 0..body.start - outputs.start), between)?;
@@ -92,7 +92,7 @@ impl<'a, T: Sample> Worker<'a, T> {
         row: Row<'_, T>,
         outputs: &Range<usize>,
         outs: &mut [&mut [T]],
-        between: &mut impl FnMut(),
+        between: &mut dyn FnMut(),
     ) -> Result<(), Error> {
         let frame = self.frame;
         let slice = (SLICE / frame.runner.work().max(1)).max(64).max(frame.runner.stretch());
@@ -118,7 +118,7 @@ impl<'a, T: Sample> Worker<'a, T> {
         row: Row<'_, T>,
         outputs: Range<usize>,
         outs: &mut [&mut [T]],
-        between: &mut impl FnMut(),
+        between: &mut dyn FnMut(),
     ) -> Result<(), Error> {
         if outputs.is_empty() {
             return Ok(());
@@ -172,7 +172,7 @@ impl<'a, T: Sample> Worker<'a, T> {
         row: Row<'_, T>,
         outputs: &Range<usize>,
         outs: &mut [&mut [T]],
-        between: &mut impl FnMut(),
+        between: &mut dyn FnMut(),
     ) -> Result<(), Error> {
         let (frame, mut extended) = (self.frame, std::mem::take(&mut self.extended));
         let reads = frame.window(outputs.start)..frame.window(outputs.end - 1) + frame.runner.span().cast_signed();

@@ -30,13 +30,20 @@ static PROCESSORS: AtomicUsize = AtomicUsize::new(0);
 
 /// How far a run is, and whether it should stop.
 #[derive(Debug, Default)]
-struct Progress {
+pub struct Progress {
     stop: AtomicBool,
     done: AtomicUsize,
     total: usize,
 }
 
 impl Progress {
+    /// Counts outputs, and hears whether to go on.
+    pub fn proceed(&self, outputs: usize, between: &mut dyn FnMut()) -> Result<(), Error> {
+        self.done.fetch_add(outputs, Ordering::Relaxed);
+        between();
+        if self.stop.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok(()) }
+    }
+
     /// Asks the caller whether to go on, not more often than it is worth.
     fn ask(&self, control: &impl Control, last: &mut Option<Instant>) {
         let now = Instant::now();
@@ -50,20 +57,35 @@ impl Progress {
     }
 }
 
-/// Works off `tasks` on as many threads as are useful, `threads` at most if that is not 0.
-pub fn work<T: Sample>(
-    frame: &Frame<'_, T>,
-    x: &[T],
-    mut tasks: Tasks<'_, '_, T>,
-    threads: usize,
+/// Work in tasks: how much it is, and on how many threads it may be done.
+#[derive(Debug, Clone, Copy)]
+pub struct Load {
+    /// Outputs of all tasks, by which progress is counted.
+    pub outputs: usize,
+    /// What one output costs, in multiplications.
+    pub work: usize,
+    /// Tasks, roughly.
+    pub tasks: usize,
+    /// Threads at most; 0 for as many as the process may use.
+    pub threads: usize,
+}
+
+/// What one thread works off.
+pub type Next<'n, Task> = &'n mut dyn FnMut() -> Option<Task>;
+
+/// Works off `tasks` on as many threads as are useful: each takes them, one after the other, from what `alone` is given, which
+/// is to call its last argument between slices of work.
+pub fn share<Task: Send>(
+    mut tasks: impl Iterator<Item = Task> + Send,
+    load: Load,
     control: &impl Control,
+    alone: impl Fn(Next<'_, Task>, &Progress, &mut dyn FnMut()) -> Result<(), Error> + Sync,
 ) -> Result<(), Error> {
-    let outputs = frame.outputs() * frame.layout.outer * frame.layout.inner;
-    let threads = useful(outputs.saturating_mul(work_of_one(frame)), threads).min(tasks.left());
-    let progress = Progress { total: outputs, ..Progress::default() };
+    let threads = useful(load.outputs.saturating_mul(load.work), load.threads).min(load.tasks);
+    let progress = Progress { total: load.outputs, ..Progress::default() };
     let mut last = None;
     if threads <= 1 {
-        return work_alone(frame, x, || tasks.next(), &progress, &mut || progress.ask(control, &mut last));
+        return alone(&mut || tasks.next(), &progress, &mut || progress.ask(control, &mut last));
     }
     let tasks = Mutex::new(tasks);
     let next = || tasks.lock().unwrap_or_else(PoisonError::into_inner).next();
@@ -72,7 +94,7 @@ pub fn work<T: Sample>(
     thread::scope(|scope| {
         let help = || {
             let _leaving = Leaving { running: &running, caller: &caller };
-            work_alone(frame, x, next, &progress, &mut || ())
+            alone(&mut || next(), &progress, &mut || ())
         };
         let start = |_| {
             running.fetch_add(1, Ordering::Relaxed);
@@ -84,7 +106,7 @@ pub fn work<T: Sample>(
             helper.ok()
         };
         let helpers: Vec<_> = (1..threads).map_while(start).collect();
-        let mut result = work_alone(frame, x, next, &progress, &mut || progress.ask(control, &mut last));
+        let mut result = alone(&mut || next(), &progress, &mut || progress.ask(control, &mut last));
         while running.load(Ordering::Acquire) > 0 {
             thread::park_timeout(INTERVAL);
             progress.ask(control, &mut last);
@@ -97,6 +119,19 @@ pub fn work<T: Sample>(
         }
         result
     })
+}
+
+/// Works off the tasks of a run.
+pub fn work<T: Sample>(
+    frame: &Frame<'_, T>,
+    x: &[T],
+    tasks: Tasks<'_, '_, T>,
+    threads: usize,
+    control: &impl Control,
+) -> Result<(), Error> {
+    let outputs = frame.outputs() * frame.layout.outer * frame.layout.inner;
+    let load = Load { outputs, work: work_of_one(frame), tasks: tasks.left(), threads };
+    share(tasks, load, control, |next, progress, between| work_alone(frame, x, next, progress, between))
 }
 
 /// Wakes the caller when a helper leaves, however it does.
@@ -132,9 +167,9 @@ fn useful(work: usize, threads: usize) -> usize {
 fn work_alone<'o, T: Sample + 'o>(
     frame: &Frame<'_, T>,
     x: &[T],
-    mut next: impl FnMut() -> Option<Task<'o, T>>,
+    next: Next<'_, Task<'o, T>>,
     progress: &Progress,
-    between: &mut impl FnMut(),
+    between: &mut dyn FnMut(),
 ) -> Result<(), Error> {
     let mut worker = Worker::new(frame, &progress.stop);
     let matrix = frame.layout.samples * frame.layout.inner;
@@ -150,8 +185,7 @@ fn work_alone<'o, T: Sample + 'o>(
                 done
             }
         };
-        progress.done.fetch_add(done, Ordering::Relaxed);
-        worker.proceed(between)?;
+        progress.proceed(done, between)?;
     }
     Ok(())
 }
@@ -163,7 +197,7 @@ fn rows<T: Sample>(
     outer: usize,
     outputs: &Range<usize>,
     outs: Vec<&mut [T]>,
-    between: &mut impl FnMut(),
+    between: &mut dyn FnMut(),
 ) -> Result<(), Error> {
     let (held, start) = (worker.frame.layout.samples, worker.frame.start.cast_signed());
     let bundled = worker.frame.gather == Gather::Bundles;

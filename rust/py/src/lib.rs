@@ -1,5 +1,7 @@
 //! The Python boundary: borrow, detach from the interpreter, call, map errors. No idea lives here.
 
+mod fits;
+
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex};
 
@@ -390,16 +392,7 @@ impl Bank {
         threads: usize,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<()> {
-        let mode = match mode {
-            "fit" => Mode::Fit,
-            "valid" => Mode::Valid,
-            "nan" => Mode::Nan,
-            "nearest" => Mode::Nearest,
-            "mirror" => Mode::Mirror,
-            "wrap" => Mode::Wrap,
-            "constant" => Mode::Constant(cval),
-            _ => return Err(unknown("mode", mode, "'fit', 'valid', 'nan', 'nearest', 'mirror', 'wrap' or 'constant'")),
-        };
+        let mode = mode_of(mode, cval)?;
         let alignment = if half_sample { Alignment::HalfSample } else { Alignment::Sample };
         let (outer, samples, inner) = layout;
         // How many outputs are wanted follows from the size of out.
@@ -412,6 +405,20 @@ impl Bank {
             run::<f32>(py, job, x, out, progress)
         }
     }
+}
+
+/// The mode by its public name.
+fn mode_of(mode: &str, cval: f64) -> PyResult<Mode> {
+    Ok(match mode {
+        "fit" => Mode::Fit,
+        "valid" => Mode::Valid,
+        "nan" => Mode::Nan,
+        "nearest" => Mode::Nearest,
+        "mirror" => Mode::Mirror,
+        "wrap" => Mode::Wrap,
+        "constant" => Mode::Constant(cval),
+        _ => return Err(unknown("mode", mode, "'fit', 'valid', 'nan', 'nearest', 'mirror', 'wrap' or 'constant'")),
+    })
 }
 
 fn run<T: Sample + Element>(
@@ -464,6 +471,8 @@ fn lambdas(deriv: usize, degree: usize, exponents: (f64, f64), points: &Array<'_
 /// The module `algdiff._core`.
 #[pymodule]
 mod _core {
+    #[pymodule_export]
+    use super::fits::Fits;
     #[pymodule_export]
     use super::{Bank, InternalError, Kernel, Plan, Simultaneous, delay_tradeoff, lambdas};
 }

@@ -1,0 +1,136 @@
+"""Time stamps: what they are made into, and whether they are as even as they look."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from algdiff import _arguments as arguments
+
+EVEN = 1e-9
+"""Stamps are even if none lies farther than this share of a step, and its own rounding, from where it would."""
+
+
+class Stamps:
+    """Strictly monotone times of the samples of a row, counted from the first.
+
+    Attributes
+    ----------
+    values : ndarray of float64
+        Ascending, in the unit of the stamps; seconds for datetime64 and timedelta64.
+    descending : bool
+        Whether they were given in descending order, so that `values` and the data are reversed.
+    step : float or None
+        The step of even stamps.
+    """
+
+    def __init__(self, t: ArrayLike, size: int) -> None:
+        given = np.asarray(t)
+        if given.shape != (size,):
+            raise ValueError(f"t must have one time for each of the {size} samples along axis, got shape {given.shape}")
+        self._origin = _plain("t", given)[:1]
+        times = self.since("t", given)
+        if not np.isfinite(times).all():
+            raise ValueError("t must be finite, got NaN, NaT or infinite times")
+        self.descending = bool(size > 1 and times[-1] < times[0])
+        self._shift = float(times[-1]) if self.descending else 0.0
+        if self.descending:
+            times = times[::-1] - self._shift
+        steps = np.diff(times)
+        if not (steps > 0).all():
+            index = int(np.flatnonzero(~(steps > 0))[0])
+            index = size - 2 - index if self.descending else index
+            raise ValueError(f"t must be strictly monotone, got {given[index]} followed by {given[index + 1]}")
+        self.values: NDArray[np.float64] = np.ascontiguousarray(times)
+        self.step = _even_step(self.values, _rounding(given))
+
+    def since(self, name: str, times: ArrayLike) -> NDArray[np.float64]:
+        """Return how long after the first sample `times` are."""
+        plain = _plain(name, times)
+        if self._origin.size == 0:
+            return np.zeros(plain.shape)
+        if plain.dtype.kind != self._origin.dtype.kind and "M" in plain.dtype.kind + self._origin.dtype.kind:
+            raise TypeError(f"{name} must be of the kind of t, {self._origin.dtype}, got {plain.dtype}")
+        if plain.dtype.kind not in "mM":
+            return plain.astype(np.float64) - self._origin.astype(np.float64)
+        difference = plain - self._origin
+        seconds = difference / np.timedelta64(1, "s")
+        return np.asarray(seconds, np.float64)
+
+    def located(self, name: str, times: ArrayLike) -> NDArray[np.float64]:
+        """Return `times` on the axis of `values`."""
+        since = self.since(name, times)
+        if since.ndim != 1 or not np.isfinite(since).all():
+            raise ValueError(f"{name} must be a one-dimensional array of finite times, got {times!r}")
+        return np.ascontiguousarray(since - self._shift)
+
+
+def _plain(name: str, times: ArrayLike) -> NDArray[Any]:
+    array = np.asarray(times)
+    if array.dtype.kind not in "fiumM":
+        raise TypeError(f"{name} must hold real numbers or datetime64, got dtype {array.dtype}")
+    if array.dtype.kind in "mM" and np.datetime_data(array.dtype)[0] == "generic":
+        raise TypeError(f"{name} must have a unit of time, got dtype {array.dtype}")
+    if array.dtype.kind == "M" and np.datetime_data(array.dtype)[0] in ("Y", "M"):
+        array = array.astype("datetime64[D]")
+    if array.dtype.kind == "m" and np.datetime_data(array.dtype)[0] in ("Y", "M"):
+        raise TypeError(f"{name} must count in units of fixed length, got dtype {array.dtype}")
+    return array
+
+
+def _rounding(given: NDArray[Any]) -> float:
+    """Return by how much a stamp may be off for being rounded."""
+    if given.size == 0 or given.dtype.kind in "iumM":
+        return 0.0
+    return 2 * float(np.finfo(given.dtype).eps) * float(np.abs(given).max())
+
+
+def _even_step(times: NDArray[np.float64], rounding: float) -> float | None:
+    if times.size < 2:
+        return None
+    step = float(times[-1]) / (times.size - 1)
+    allowed = EVEN * step + rounding + 4 * float(np.finfo(np.float64).eps) * float(times[-1])
+    deviation = np.arange(times.size, dtype=np.float64)
+    deviation *= step
+    deviation -= times
+    return step if float(np.abs(deviation, out=deviation).max()) <= allowed else None
+
+
+def usual_step(times: NDArray[np.float64]) -> float:
+    """Return the median step."""
+    return float(np.median(np.diff(times))) if times.size > 1 else 1.0
+
+
+def nearest(times: NDArray[np.float64], wanted: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Return the samples nearest to the wanted times, of two the newer one."""
+    after = np.searchsorted(times, wanted, side="right").clip(1, max(times.size - 1, 1))
+    after = np.minimum(after, times.size - 1)
+    before = np.maximum(after - 1, 0)
+    older: NDArray[np.bool_] = wanted - times[before] < times[after] - wanted
+    return np.asarray(np.where(older, before, after), np.intp)
+
+
+def duration(name: str, value: object) -> float:
+    """Return a positive duration in the unit of the times; a timedelta64 in seconds."""
+    if isinstance(value, np.timedelta64):
+        value = float(value / np.timedelta64(1, "s"))
+    number = arguments.real(name, value)
+    if not (np.isfinite(number) and number > 0):
+        raise ValueError(f"{name} must be finite and positive, got {number}")
+    return number
+
+
+def lasting(
+    window_duration: object, window_length: object, t: ArrayLike | None, step: float, degree: Any, deriv: Any
+) -> int:
+    """Return how many samples a window of this duration usually holds, but enough for the fit."""
+    if window_duration is None or window_length is not None:
+        raise ValueError(f"give window_length or window_duration: got {window_length!r} and {window_duration!r}")
+    if t is not None:
+        stamps = Stamps(t, np.size(t))
+        step = usual_step(stamps.values) if stamps.step is None else stamps.step
+    highest = max(deriv) if isinstance(deriv, tuple) else deriv
+    least = (highest + 2 if degree is None else arguments.integer("degree", degree, 0)) + 1
+    return int(max(round(min(duration("window_duration", window_duration) / step, arguments.MAX_WINDOW)), least))

@@ -1,0 +1,138 @@
+"""What a call asks for beside the plain estimates, checked."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from algdiff import _arguments as arguments
+from algdiff._arguments import Progress, Samples
+
+if TYPE_CHECKING:
+    from algdiff._differentiator import Differentiator
+
+
+class Wish(NamedTuple):
+    """What a call asks for beside the plain estimates."""
+
+    t: ArrayLike | None
+    at: ArrayLike | None
+    window_duration: Any
+    min_support: Any
+    max_gain: Any
+    weights: ArrayLike | None
+    period: Any
+    sigma: ArrayLike | None
+    autocovariance: ArrayLike | None
+    edge_window: str
+    nan_policy: str
+    return_std: bool
+    return_support: bool
+    return_bias: bool
+
+
+class Call(NamedTuple):
+    """The other arguments of a call."""
+
+    axis: int
+    mode: str
+    cval: complex
+    out: Samples | None
+    threads: int | None
+    progress: Progress | None
+
+
+class Windows(NamedTuple):
+    """Where windows lie that are not those of the design on even samples.
+
+    Attributes
+    ----------
+    times : ndarray or None
+        The times of the samples, unless they are even and estimates are wanted at the samples.
+    at : ndarray or None
+        The times of the estimates, if they are not those of the samples.
+    duration, pad : float
+        The duration of a window, and by how much it may reach beyond the data.
+    """
+
+    times: NDArray[np.float64] | None = None
+    at: NDArray[np.float64] | None = None
+    duration: float | None = None
+    pad: float = 0.0
+
+
+class Limits(NamedTuple):
+    """Which windows give an estimate.
+
+    Attributes
+    ----------
+    support : int
+        The least number of samples.
+    gain : float or None
+        The largest noise gain, relative to that of the whole window, if one was given.
+    least : int or None
+        The shortest window at the ends, if windows shrink there.
+    """
+
+    support: int
+    gain: float | None
+    least: int | None
+
+
+INSIDE = ("fit", "nan", "valid")
+"""Modes that do not extend the data."""
+
+
+def limits(design: Differentiator, windows: Windows, samples: int, call: Call, wish: Wish) -> Limits:
+    """Refuse what does not go together, and return what a window must hold."""
+    arguments.word("mode", call.mode, "a word such as 'fit'")
+    _chosen("nan_policy", wish.nan_policy, ("propagate", "omit", "raise"))
+    _chosen("edge_window", wish.edge_window, ("full", "shrink"))
+    shrinks = wish.edge_window == "shrink"
+    _fits_only(design, windows, wish)
+    if windows.times is not None:
+        counted = windows.at is None and windows.duration is None
+        what = "uneven t" if windows.at is None else "at"
+        _chosen("mode", call.mode, INSIDE if counted else INSIDE[:2], f" with {what}")
+    if shrinks and (call.mode != "fit" or windows.duration is not None):
+        raise ValueError(f"edge_window = 'shrink' must come with mode 'fit' and windows of samples, got {call.mode!r}")
+    if wish.autocovariance is not None:
+        _chosen("mode", call.mode, INSIDE, " with autocovariance")
+        if wish.sigma is not None:
+            raise ValueError("give sigma or autocovariance, not both")
+    span = design._plan.span
+    if span > samples and windows.duration is None and call.mode in INSIDE:
+        raise ValueError(f"window_length must be at most the {samples} samples of x in mode {call.mode!r}, got {span}")
+    least = design.degree + 1
+    support = least if wish.min_support is None else arguments.integer("min_support", wish.min_support, least)
+    gain = None if wish.max_gain is None else arguments.real("max_gain", wish.max_gain)
+    if gain is not None and not gain >= 1:
+        raise ValueError(f"max_gain must be at least 1, got {gain}")
+    return Limits(support, gain, min(max(support, 2 * design.degree + 1), span) if shrinks else None)
+
+
+def _chosen(name: str, value: object, allowed: tuple[str, ...], where: str = "") -> None:
+    if value not in allowed:
+        raise ValueError(
+            f"{name} must be {', '.join(map(repr, allowed[:-1]))} or {allowed[-1]!r}{where}, got {value!r}"
+        )
+
+
+def _fits_only(design: Differentiator, windows: Windows, wish: Wish) -> None:
+    """Refuse weights that are no fit's where fits are needed."""
+    fitted = {
+        "uneven t": windows.times is not None and windows.at is None,
+        "at": windows.at is not None,
+        "edge_window = 'shrink'": wish.edge_window == "shrink",
+        "weights": wish.weights is not None,
+        "nan_policy = 'omit'": wish.nan_policy == "omit",
+        "return_std": wish.return_std,
+        "return_bias": wish.return_bias,
+    }
+    needed = [name for name, wanted in fitted.items() if wanted]
+    if needed and design.rule != "exact":
+        raise ValueError(f"rule must be 'exact' with {needed[0]}, got {design.rule!r}")
+    if design.trim != 0 and (windows.times is not None or wish.edge_window == "shrink"):
+        raise ValueError(f"trim must be 0 with {needed[0]}, got {design.trim}")

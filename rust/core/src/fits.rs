@@ -1,0 +1,515 @@
+//! Every estimate by a fit of its own: where samples are missing, unevenly spaced or of unequal weight, and where the error of
+//! each estimate is wanted.
+
+use crate::control::Control;
+use crate::ends::Mode;
+use crate::engine::Sample;
+use crate::error::{Error, at_least};
+use crate::frame::Layout;
+use crate::gaps::{Aim, Refit, Whole};
+use crate::irregular::{Times, Window, Windows};
+use crate::local::{Block, Model, SIDE, Sheet, dots};
+use crate::threads::{Load, share};
+
+/// Work of a piece, after which a thread looks whether to go on: some milliseconds.
+const PIECE: usize = 1 << 22;
+
+/// A number for every sample.
+#[derive(Debug, Clone, Copy)]
+pub enum PerSample<'a> {
+    /// The same for all rows.
+    Shared(&'a [f64]),
+    /// In the layout of the samples.
+    Each(&'a [f64]),
+}
+
+/// The noise whose share in the estimates is wanted.
+#[derive(Debug, Clone, Copy)]
+pub enum Noise<'a> {
+    /// White noise of variance 1.
+    Unit,
+    /// White noise with this standard deviation.
+    Level(PerSample<'a>),
+    /// Noise with this covariance of samples so many samples apart.
+    Autocovariance(&'a [f64]),
+}
+
+/// Which windows give an estimate.
+#[derive(Debug, Clone, Copy)]
+pub struct Allowed {
+    /// Whether samples may be missing at all.
+    pub missing: bool,
+    /// Samples that a window must hold.
+    pub support: usize,
+    /// How much larger the noise gain may be than that of the whole window, evenly filled, at the same point: without and
+    /// with missing samples.
+    pub gain: [f64; 2],
+}
+
+/// Fits of one array.
+#[derive(Debug, Clone, Copy)]
+pub struct Fits<'a> {
+    /// What is fitted.
+    pub model: &'a Model,
+    /// The whole window.
+    pub whole: &'a Whole,
+    /// Where the windows lie.
+    pub windows: Windows<'a>,
+    /// Which estimates are wanted, as indices of the array of all of them; by default all, those of all rows at one time
+    /// after the other.
+    pub listed: Option<&'a [i64]>,
+    /// The samples' own weights.
+    pub weights: Option<PerSample<'a>>,
+    /// What the standard deviation is of.
+    pub noise: Noise<'a>,
+    /// Which windows give an estimate.
+    pub allowed: Allowed,
+    /// The array.
+    pub layout: Layout,
+    /// Threads at most; 0 for as many as the process may use.
+    pub threads: usize,
+}
+
+/// Where the results go: for every order one after the other, as many numbers as there are estimates.
+#[derive(Debug)]
+pub struct Results<'o, T> {
+    /// The estimates.
+    pub estimate: &'o mut [T],
+    /// Their standard deviations.
+    pub std: Option<&'o mut [T]>,
+    /// How much they differ from the fit of the higher degree.
+    pub bias: Option<&'o mut [T]>,
+    /// The numbers of samples used, once for all orders.
+    pub support: Option<&'o mut [i64]>,
+}
+
+/// A part of the results.
+struct Piece<'o, T> {
+    first: usize,
+    estimate: Vec<&'o mut [T]>,
+    std: Vec<&'o mut [T]>,
+    bias: Vec<&'o mut [T]>,
+    support: &'o mut [i64],
+}
+
+impl Fits<'_> {
+    /// How many estimates there are.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        let rows = self.layout.outer.saturating_mul(self.layout.inner);
+        self.listed.map_or_else(|| self.windows.outputs(self.whole).saturating_mul(rows), <[i64]>::len)
+    }
+
+    /// All fits.
+    pub fn run<T: Sample>(&self, x: &[T], results: Results<'_, T>, control: &impl Control) -> Result<(), Error> {
+        let count = self.count();
+        self.check(x.len(), &results, count)?;
+        if count == 0 {
+            return Ok(());
+        }
+        let work = self.work();
+        let piece = (PIECE / work).clamp(1, 1 << 13).min(count);
+        let mut estimate = cut(Some(results.estimate), count, piece);
+        let mut std = cut(results.std, count, piece);
+        let mut bias = cut(results.bias, count, piece);
+        let mut support = results.support.map(|support| support.chunks_mut(piece));
+        let mut first = 0;
+        let tasks = std::iter::from_fn(|| {
+            let estimate: Vec<&mut [T]> = estimate.iter_mut().filter_map(Iterator::next).collect();
+            let length = estimate.first()?.len();
+            first += length;
+            Some(Piece {
+                first: first - length,
+                estimate,
+                std: std.iter_mut().filter_map(Iterator::next).collect(),
+                bias: bias.iter_mut().filter_map(Iterator::next).collect(),
+                support: support.as_mut().and_then(Iterator::next).unwrap_or_default(),
+            })
+        });
+        let load = Load { outputs: count, work, tasks: count.div_ceil(piece), threads: self.threads };
+        share(tasks, load, control, |next, progress, between| {
+            let mut memory = Memory::default();
+            while let Some(piece) = next() {
+                let done = piece.estimate.first().map_or(0, |part| part.len());
+                Work { fits: self, x, memory: &mut memory, piece }.run()?;
+                progress.proceed(done, between)?;
+            }
+            Ok(())
+        })
+    }
+
+    /// Refuses slices that do not fit together.
+    fn check<T>(&self, held: usize, results: &Results<'_, T>, count: usize) -> Result<(), Error> {
+        let Layout { outer, samples, inner } = self.layout;
+        let all = outer.saturating_mul(samples).saturating_mul(inner);
+        let wanted = count.saturating_mul(self.model.orders.len());
+        let as_long = |part: &Option<&mut [T]>| part.as_ref().is_none_or(|part| part.len() == wanted);
+        let one_each = |values: PerSample<'_>| match values {
+            PerSample::Shared(values) => values.len() == samples,
+            PerSample::Each(values) => values.len() == all,
+        };
+        let level = if let Noise::Level(level) = self.noise { Some(level) } else { None };
+        let stamps = if let Times::Stamps { t, .. } = self.windows.times { t.len() } else { samples };
+        let outputs = all / samples.max(1) * self.windows.outputs(self.whole);
+        let fits = held == all
+            && self.windows.samples == samples
+            && stamps == samples
+            && results.estimate.len() == wanted
+            && as_long(&results.std)
+            && as_long(&results.bias)
+            && results.support.as_ref().is_none_or(|support| support.len() == count)
+            && self.weights.is_none_or(one_each)
+            && level.is_none_or(one_each)
+            && self.listed.is_none_or(|all| all.iter().all(|&one| (0..outputs as i64).contains(&one)));
+        if fits { Ok(()) } else { Err(Error::argument("out", results.estimate.len(), "as long as there are estimates")) }
+    }
+
+    /// What one estimate costs, in multiplications, roughly.
+    fn work(&self) -> usize {
+        let size = self.model.beyond + 1;
+        self.whole.span().saturating_mul(size * (size + 2)).saturating_add(200)
+    }
+
+    /// The estimate number `index`: which of its row, and of which row.
+    fn place(&self, index: usize) -> (usize, Row) {
+        let inner = self.layout.inner;
+        let Some(listed) = self.listed else {
+            let rows = self.layout.outer * inner;
+            return (index / rows, Row { outer: index % rows / inner, inner: index % inner });
+        };
+        let (index, outputs) = (listed[index].unsigned_abs() as usize, self.windows.outputs(self.whole));
+        (index / inner % outputs, Row { outer: index / inner / outputs, inner: index % inner })
+    }
+
+    /// What stands at `place` of the extended row.
+    fn of_sample(&self, values: PerSample<'_>, row: Row, place: isize) -> f64 {
+        let Layout { samples, inner, .. } = self.layout;
+        // A constant beyond the data is as good as the last sample.
+        let clamped = || place.clamp(0, samples.cast_signed() - 1).cast_unsigned();
+        let j = self.windows.mode.source(place, samples).unwrap_or_else(clamped);
+        match values {
+            PerSample::Shared(values) => values[j],
+            PerSample::Each(values) => values[(row.outer * samples + j) * inner + row.inner],
+        }
+    }
+}
+
+/// One part for every order, in pieces.
+fn cut<T>(out: Option<&mut [T]>, count: usize, piece: usize) -> Vec<std::slice::ChunksMut<'_, T>> {
+    out.map_or_else(Vec::new, |out| out.chunks_mut(count).map(|order| order.chunks_mut(piece)).collect())
+}
+
+/// A row of the array.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Row {
+    outer: usize,
+    inner: usize,
+}
+
+/// A thread's own memory.
+#[derive(Debug, Default)]
+struct Memory {
+    /// The samples of the window less the reference, 0 where one is missing.
+    z: Vec<Block>,
+    reference: f64,
+    missing: Vec<usize>,
+    sheet: Sheet,
+    values: Vec<f64>,
+    aim: Aim,
+    refit: Refit,
+    /// Of every order, the weights of the estimate and those of what the higher degree adds to it.
+    weights: Vec<Block>,
+    more: Vec<Block>,
+    places: Vec<f64>,
+    base: Vec<f64>,
+    /// The window that the weights are of, if none of its samples was missing; and whether they reach the higher degree.
+    fitted: Option<Window>,
+    reaches: bool,
+}
+
+/// An estimate, in the unit of `u`.
+#[derive(Debug, Clone, Copy)]
+struct Estimate {
+    value: f64,
+    variance: f64,
+    /// What the fit of the higher degree would add.
+    more: f64,
+}
+
+const NOTHING: Estimate = Estimate { value: f64::NAN, variance: f64::NAN, more: f64::NAN };
+
+struct Work<'a, 'o, T> {
+    fits: &'a Fits<'a>,
+    x: &'a [T],
+    memory: &'a mut Memory,
+    piece: Piece<'o, T>,
+}
+
+impl<T: Sample> Work<'_, '_, T> {
+    fn run(mut self) -> Result<(), Error> {
+        let length = self.piece.estimate.first().map_or(0, |part| part.len());
+        for k in 0..length {
+            let (output, row) = self.fits.place(self.piece.first + k);
+            self.one(k, output, row)?;
+        }
+        Ok(())
+    }
+
+    /// Everything that is wanted of one window.
+    fn one(&mut self, k: usize, output: usize, row: Row) -> Result<(), Error> {
+        let Some(window) = self.fits.windows.window(self.fits.whole, output) else {
+            (0..self.fits.model.orders.len()).for_each(|index| self.put(k, index, NOTHING, 1.0));
+            self.count(k, 0);
+            return Ok(());
+        };
+        let samples = self.gather(row, &window)?;
+        let fits = self.fits;
+        self.count(k, samples);
+        let possible = samples >= fits.allowed.support && (fits.allowed.missing || self.memory.missing.is_empty());
+        let plain = possible && fits.weights.is_none() && window.count == fits.whole.span();
+        let even = matches!(fits.windows.times, Times::Even { .. });
+        let unit = fits.windows.unit(&window);
+        if plain && even && fits.whole.refits() && self.fits.whole.reaches(fits.model.beyond) {
+            fits.whole.aim(fits.model, 2.0 * window.place - 1.0, &mut self.memory.aim)?;
+            let memory = &mut *self.memory;
+            if fits.whole.without(&memory.missing, &memory.z, &mut memory.refit) {
+                for index in 0..fits.model.orders.len() {
+                    let estimate = self.refitted(index, row, &window)?;
+                    self.put(k, index, estimate, unit);
+                }
+                return Ok(());
+            }
+        }
+        let fitted = possible && self.fit(row, &window)?;
+        for index in 0..fits.model.orders.len() {
+            let estimate = if fitted { self.weighed(index, row, &window)? } else { NOTHING };
+            self.put(k, index, estimate, unit);
+        }
+        Ok(())
+    }
+
+    fn count(&mut self, k: usize, samples: usize) {
+        if let Some(support) = self.piece.support.get_mut(k) {
+            *support = samples as i64;
+        }
+    }
+
+    /// Writes one estimate in the units of the data.
+    fn put(&mut self, k: usize, index: usize, estimate: Estimate, unit: f64) {
+        let order = self.fits.model.orders[index];
+        let unit = unit.powi(order as i32);
+        let origin = if order == 0 { self.memory.reference } else { 0.0 };
+        let value = estimate.value * unit + origin;
+        let value = if value.is_finite() { value } else { f64::NAN };
+        self.piece.estimate[index][k] = T::from_f64(value);
+        if let Some(std) = self.piece.std.get_mut(index) {
+            // What rounding leaves of a variance of nothing may be negative.
+            std[k] = T::from_f64(if value.is_nan() { value } else { estimate.variance.max(0.0).sqrt() * unit });
+        }
+        if let Some(bias) = self.piece.bias.get_mut(index) {
+            bias[k] = T::from_f64(if value.is_nan() { value } else { -estimate.more * unit });
+        }
+    }
+
+    /// Copies the samples of a window, and returns how many there are.
+    fn gather(&mut self, row: Row, window: &Window) -> Result<usize, Error> {
+        let (fits, memory) = (self.fits, &mut *self.memory);
+        let (samples, inner) = (fits.layout.samples, fits.layout.inner);
+        at_least(&mut memory.z, window.count.div_ceil(SIDE))?;
+        let z = memory.z[..window.count.div_ceil(SIDE)].as_flattened_mut();
+        z[window.count..].fill(0.0);
+        let z = &mut z[..window.count];
+        if fits.windows.inside(window) {
+            let first = (row.outer * samples + window.start.cast_unsigned()) * inner + row.inner;
+            if inner == 1 {
+                z.iter_mut().zip(&self.x[first..][..window.count]).for_each(|(z, x)| *z = x.to_f64());
+            } else {
+                z.iter_mut().zip(self.x[first..].iter().step_by(inner)).for_each(|(z, x)| *z = x.to_f64());
+            }
+        } else {
+            for (z, place) in z.iter_mut().zip(window.start..) {
+                let constant = if let Mode::Constant(value) = fits.windows.mode { value } else { 0.0 };
+                let source = fits.windows.mode.source(place, samples);
+                *z = source.map_or(constant, |j| self.x[(row.outer * samples + j) * inner + row.inner].to_f64());
+            }
+        }
+        memory.missing.clear();
+        memory.reference = z.iter().copied().find(|z| !z.is_nan()).unwrap_or(f64::NAN);
+        let mut holes = false;
+        for z in z.iter_mut() {
+            *z -= memory.reference;
+            holes |= z.is_nan();
+        }
+        // An infinite reference leaves nothing, but is not missing.
+        if holes && memory.reference.is_finite() {
+            for (j, z) in z.iter_mut().enumerate().filter(|(_, z)| z.is_nan()) {
+                memory.missing.push(j);
+                *z = 0.0;
+            }
+        } else if memory.reference.is_nan() {
+            memory.missing.extend(0..window.count);
+        }
+        let mut left = window.count - memory.missing.len();
+        if let Some(weights) = fits.weights {
+            let mut missing = memory.missing.iter().peekable();
+            for (j, place) in (0..window.count).zip(window.start..) {
+                let gone = missing.next_if_eq(&&j).is_some();
+                left -= usize::from(!gone && fits.of_sample(weights, row, place) == 0.0);
+            }
+        }
+        Ok(left)
+    }
+
+    /// Whether a noise gain is allowed.
+    fn bounded(&self, index: usize, gain: f64) -> bool {
+        let limit = self.fits.allowed.gain[usize::from(!self.memory.missing.is_empty())];
+        limit == f64::INFINITY || gain <= limit * self.memory.aim.gain(index) * (1.0 + 1e-9)
+    }
+
+    /// One estimate by the whole window's fit without the missing samples.
+    fn refitted(&mut self, index: usize, row: Row, window: &Window) -> Result<Estimate, Error> {
+        let (fits, memory) = (self.fits, &mut *self.memory);
+        let size = fits.model.degree + 1;
+        let value = fits.whole.estimate(&memory.aim, index, size, &mut memory.refit);
+        let gain = fits.whole.refitted_gain(&memory.missing, &memory.refit);
+        let mut variance = gain;
+        let plain = matches!(fits.noise, Noise::Unit) && fits.windows.inside(window);
+        if !self.piece.std.is_empty() && !plain {
+            let blocks = window.count.div_ceil(SIDE);
+            at_least(&mut memory.weights, blocks)?;
+            fits.whole.refitted_weights(&memory.missing, &memory.refit, &mut memory.weights[..blocks]);
+            memory.fitted = None;
+            variance = self.variance(0, row, window);
+        }
+        let memory = &mut *self.memory;
+        let mut more = 0.0;
+        if !self.piece.bias.is_empty() {
+            more = fits.whole.estimate(&memory.aim, index, fits.model.beyond + 1, &mut memory.refit) - value;
+        }
+        Ok(if self.bounded(index, gain) { Estimate { value, variance, more } } else { NOTHING })
+    }
+
+    /// Fits the samples of a window; false if there are too few for the degree.
+    fn fit(&mut self, row: Row, window: &Window) -> Result<bool, Error> {
+        let fits = self.fits;
+        if fits.allowed.gain[usize::from(!self.memory.missing.is_empty())] < f64::INFINITY {
+            fits.whole.aim(fits.model, 2.0 * window.place - 1.0, &mut self.memory.aim)?;
+        }
+        let alike = self.memory.missing.is_empty() && !matches!(fits.weights, Some(PerSample::Each(_)));
+        if alike && self.memory.fitted == Some(*window) {
+            return Ok(true);
+        }
+        self.memory.fitted = None;
+        self.weights_of(row, window)?;
+        let (model, memory) = (fits.model, &mut *self.memory);
+        memory.reaches = memory.sheet.orthonormalise();
+        if !memory.reaches {
+            if model.beyond == model.degree {
+                return Ok(false);
+            }
+            memory.sheet.prepare(window.count, model.degree)?;
+            if !memory.sheet.orthonormalise() {
+                return Ok(false);
+            }
+        }
+        memory.sheet.derive(2.0 * window.place - 1.0, model.highest(), &mut memory.values)?;
+        let (blocks, size) = (memory.sheet.blocks(), memory.sheet.size());
+        let parts = blocks * model.orders.len();
+        at_least(&mut memory.weights, parts)?;
+        at_least(&mut memory.more, if self.piece.bias.is_empty() { 0 } else { parts })?;
+        for (index, order) in model.orders.iter().enumerate() {
+            let moments = &memory.values[order * size..][..size];
+            let (own, more) = moments.split_at(model.degree + 1);
+            memory.sheet.weigh(0, own, &mut memory.weights[index * blocks..][..blocks]);
+            if !self.piece.bias.is_empty() {
+                memory.sheet.weigh(model.degree + 1, more, &mut memory.more[index * blocks..][..blocks]);
+            }
+        }
+        if alike {
+            memory.fitted = Some(*window);
+        }
+        Ok(true)
+    }
+
+    /// The places and the weights of the samples of a window onto the sheet.
+    fn weights_of(&mut self, row: Row, window: &Window) -> Result<(), Error> {
+        let (fits, memory) = (self.fits, &mut *self.memory);
+        at_least(&mut memory.places, window.count)?;
+        at_least(&mut memory.base, window.count)?;
+        memory.sheet.prepare(window.count, fits.model.beyond)?;
+        let (places, base) = (&mut memory.places[..window.count], &mut memory.base[..window.count]);
+        fits.windows.places(window, places);
+        fits.model.base(places, fits.windows.half(window), base);
+        memory.missing.iter().for_each(|&j| base[j] = 0.0);
+        if let Some(weights) = fits.weights {
+            for (j, place) in (0..window.count).zip(window.start..) {
+                let own = fits.of_sample(weights, row, place);
+                self.memory.base[j] *= own;
+            }
+        }
+        let memory = &mut *self.memory;
+        let (places, base) = (&memory.places[..window.count], &memory.base[..window.count]);
+        memory.sheet.places.as_flattened_mut().iter_mut().zip(places).for_each(|(u, s)| *u = 2.0 * s - 1.0);
+        memory.sheet.root.as_flattened_mut().iter_mut().zip(base).for_each(|(root, weight)| *root = weight.sqrt());
+        Ok(())
+    }
+
+    /// One estimate by its own weights.
+    fn weighed(&mut self, index: usize, row: Row, window: &Window) -> Result<Estimate, Error> {
+        let memory = &*self.memory;
+        let blocks = window.count.div_ceil(SIDE);
+        let (z, weights) = (&memory.z[..blocks], &memory.weights[index * blocks..][..blocks]);
+        let [value, gain] = dots(weights, [z, weights]);
+        let mut more = 0.0;
+        if !self.piece.bias.is_empty() {
+            let [sum] = dots(&memory.more[index * blocks..][..blocks], [z]);
+            more = if memory.reaches { sum } else { f64::NAN };
+        }
+        if !self.bounded(index, gain) {
+            return Ok(NOTHING);
+        }
+        let variance = if self.piece.std.is_empty() { 0.0 } else { self.variance(index, row, window) };
+        Ok(Estimate { value, variance, more })
+    }
+
+    /// The variance of the estimate with the weights number `index`.
+    fn variance(&self, index: usize, row: Row, window: &Window) -> f64 {
+        let blocks = window.count.div_ceil(SIDE);
+        let weights = &self.memory.weights[index * blocks..][..blocks];
+        if !self.fits.windows.inside(window) {
+            return self.folded_variance(&weights.as_flattened()[..window.count], row, window);
+        }
+        match self.fits.noise {
+            Noise::Unit => dots(weights, [weights])[0],
+            Noise::Level(level) => {
+                let flat = weights.as_flattened()[..window.count].iter().zip(window.start..);
+                // A missing sample may have no level.
+                let shares = flat.filter(|(weight, _)| **weight != 0.0);
+                shares.map(|(weight, place)| (weight * self.fits.of_sample(level, row, place)).powi(2)).sum()
+            }
+            Noise::Autocovariance(covariance) => {
+                let flat = &weights.as_flattened()[..window.count];
+                let lagged = |lag: usize| flat.iter().zip(&flat[lag..]).map(|(a, b)| a * b).sum::<f64>();
+                let lags = covariance.iter().enumerate().take(window.count);
+                lags.map(|(lag, covariance)| lagged(lag) * covariance * if lag == 0 { 1.0 } else { 2.0 }).sum()
+            }
+        }
+    }
+
+    /// The variance where the data are extended: a sample that stands at several places is one sample, and a constant is none.
+    fn folded_variance(&self, weights: &[f64], row: Row, window: &Window) -> f64 {
+        let (mode, samples) = (self.fits.windows.mode, self.fits.layout.samples);
+        let places = weights.iter().zip(window.start..);
+        let sources = places.filter_map(|(weight, place)| mode.source(place, samples).map(|source| (source, *weight)));
+        let mut sources: Vec<(usize, f64)> = sources.collect();
+        sources.sort_by_key(|(source, _)| *source);
+        let together = sources.chunk_by(|a, b| a.0 == b.0).map(|same| {
+            let level = match self.fits.noise {
+                Noise::Level(level) => self.fits.of_sample(level, row, same[0].0.cast_signed()),
+                Noise::Unit | Noise::Autocovariance(_) => 1.0,
+            };
+            (same.iter().map(|(_, weight)| weight).sum::<f64>() * level).powi(2)
+        });
+        together.sum()
+    }
+}

@@ -1,0 +1,222 @@
+//! Where the windows lie among samples that are evenly spaced or not, and the places of the samples in them.
+
+use crate::ends::Mode;
+use crate::gaps::Whole;
+
+/// When the samples were taken.
+#[derive(Debug, Clone, Copy)]
+pub enum Times<'a> {
+    /// At equal steps.
+    Even {
+        /// The step.
+        delta: f64,
+    },
+    /// At these times, ascending.
+    Stamps {
+        /// One for every sample of a row.
+        t: &'a [f64],
+        /// Windows of so much time, by default of as many samples as the design has.
+        duration: Option<Span>,
+    },
+}
+
+/// A window of some duration.
+#[derive(Debug, Clone, Copy)]
+pub struct Span {
+    /// Its duration.
+    pub duration: f64,
+    /// By how much it may reach beyond the first and the last sample: half a usual step.
+    pub beyond: f64,
+}
+
+/// Where estimates are wanted.
+#[derive(Debug, Clone, Copy)]
+pub enum Wanted<'a> {
+    /// At every sample.
+    Samples,
+    /// At `tau` of every whole window.
+    Windows,
+    /// At these times.
+    At(&'a [f64]),
+}
+
+/// What places windows.
+#[derive(Debug, Clone, Copy)]
+pub struct Windows<'a> {
+    /// When the samples were taken.
+    pub times: Times<'a>,
+    /// Where estimates are wanted.
+    pub wanted: Wanted<'a>,
+    /// What happens at the ends.
+    pub mode: Mode,
+    /// At the ends the window shrinks to this many samples before it is shifted; by default it is shifted at once.
+    pub least: Option<usize>,
+    /// Samples of a row.
+    pub samples: usize,
+    /// The point of estimation.
+    pub tau: f64,
+    /// The sample of the window that lies at `tau`.
+    pub center: isize,
+}
+
+/// One window.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Window {
+    /// Its first sample, of the extended row if the mode extends it.
+    pub start: isize,
+    /// Its number of samples.
+    pub count: usize,
+    /// The point of estimation on [0, 1].
+    pub place: f64,
+    /// When it begins, and its duration; for even steps in samples.
+    origin: f64,
+    length: f64,
+}
+
+impl Windows<'_> {
+    /// Estimates of a row.
+    pub fn outputs(&self, whole: &Whole) -> usize {
+        match self.wanted {
+            Wanted::Samples => self.samples,
+            Wanted::Windows => (self.samples + 1).saturating_sub(whole.span()),
+            Wanted::At(times) => times.len(),
+        }
+    }
+
+    /// The window of the estimate number `output`; none where the mode gives none.
+    pub fn window(&self, whole: &Whole, output: usize) -> Option<Window> {
+        match self.times {
+            Times::Even { .. } => self.even(whole, output),
+            Times::Stamps { t, duration: None } => self.counted(whole, t, output),
+            Times::Stamps { t, duration: Some(span) } => self.timed(t, span, output),
+        }
+    }
+
+    /// Whether a window lies in the row, unextended.
+    pub fn inside(&self, window: &Window) -> bool {
+        window.start >= 0 && window.start + window.count.cast_signed() <= self.samples.cast_signed()
+    }
+
+    /// From derivatives for `u = 2 s - 1` to derivatives in time.
+    pub fn unit(&self, window: &Window) -> f64 {
+        match self.times {
+            Times::Even { delta } => 2.0 / (window.length * delta),
+            Times::Stamps { .. } => 2.0 / window.length,
+        }
+    }
+
+    /// Half the width of a sample's cell on [0, 1].
+    pub fn half(&self, window: &Window) -> f64 {
+        match self.times {
+            Times::Stamps { duration: Some(span), .. } => span.beyond / window.length,
+            _ => 0.5 / window.count as f64,
+        }
+    }
+
+    /// The places of the window's samples.
+    pub fn places(&self, window: &Window, places: &mut [f64]) {
+        let factor = window.length.recip();
+        if let Times::Stamps { t, .. } = self.times {
+            let stamps = &t[window.start.cast_unsigned()..];
+            places.iter_mut().zip(stamps).for_each(|(s, t)| *s = (t - window.origin) * factor);
+        } else {
+            places.iter_mut().enumerate().for_each(|(j, s)| *s = (j as f64 - window.origin) * factor);
+        }
+    }
+
+    fn even(&self, whole: &Whole, output: usize) -> Option<Window> {
+        let span = whole.span();
+        let length = whole.window_length() as f64;
+        let at = |start: isize, position: f64| Window {
+            start,
+            count: span,
+            place: whole.place(position),
+            origin: -whole.place(0.0) * length,
+            length,
+        };
+        let sample = output.cast_signed();
+        if let Wanted::Windows = self.wanted {
+            return Some(Window { place: self.tau, ..at(sample, 0.0) });
+        }
+        let start = sample - self.center;
+        if self.mode.extends() {
+            return Some(at(start, self.center as f64));
+        }
+        let (start, count) = self.at_sample(start, sample, span)?;
+        let window = at(start, (sample - start) as f64);
+        if count == span {
+            return Some(window);
+        }
+        let length = count as f64;
+        let place = ((sample - start) as f64 + 0.5) / length;
+        Some(Window { start, count, place, origin: -0.5, length })
+    }
+
+    /// The window of `span` samples for the estimate next to `sample`: `start` as far as the ends and the mode allow.
+    fn at_sample(&self, start: isize, sample: isize, span: usize) -> Option<(isize, usize)> {
+        let last = self.samples.cast_signed() - span.cast_signed();
+        if (0..=last).contains(&start) {
+            return Some((start, span));
+        }
+        if self.mode == Mode::Nan {
+            return None;
+        }
+        let Some(least) = self.least else { return Some((start.clamp(0, last), span)) };
+        for count in (least.min(span)..span).rev() {
+            // The sample of the shorter window that is next to `tau`, the newer one of two.
+            let start = sample - (self.tau * count as f64 + 1e-9).floor() as isize;
+            if start >= 0 && start + count.cast_signed() <= self.samples.cast_signed() {
+                return Some((start, count));
+            }
+        }
+        let count = least.min(span);
+        Some((start.clamp(0, self.samples.cast_signed() - count.cast_signed()), count))
+    }
+
+    fn counted(&self, whole: &Whole, t: &[f64], output: usize) -> Option<Window> {
+        let (sample, time) = match self.wanted {
+            Wanted::At(times) => (nearest(t, times[output]).cast_signed(), times[output]),
+            _ => (output.cast_signed(), t[output.min(t.len() - 1)]),
+        };
+        let (start, count) = match self.wanted {
+            Wanted::Windows => (sample, whole.span()),
+            _ => self.at_sample(sample - self.center, sample, whole.span())?,
+        };
+        let first = start.cast_unsigned();
+        let (begin, end, steps) = (t[first], t[first + count - 1], (count - 1) as f64);
+        let step = if count > 1 { (end - begin) / steps } else { 1.0 };
+        let (origin, length) = (begin - 0.5 * step, step * count as f64);
+        let place = if let Wanted::Windows = self.wanted { self.tau } else { (time - origin) / length };
+        Some(Window { start, count, place, origin, length })
+    }
+
+    fn timed(&self, t: &[f64], span: Span, output: usize) -> Option<Window> {
+        let time = if let Wanted::At(times) = self.wanted { times[output] } else { t[output] };
+        let length = span.duration;
+        let (first, last) = (t[0] - span.beyond, t[t.len() - 1] + span.beyond - length);
+        let ideal = time - self.tau * length;
+        // Rounding must not decide between a window that just fits and one that does not.
+        let slack = 1e-9 * span.beyond;
+        let mut origin = ideal;
+        if !(ideal >= first - slack && ideal <= last + slack) {
+            if self.mode == Mode::Nan {
+                return None;
+            }
+            origin = ideal.min(last).max(first);
+        }
+        let start = t.partition_point(|t| *t < origin);
+        let count = t[start..].partition_point(|t| *t <= origin + length);
+        Some(Window { start: start.cast_signed(), count, place: (time - origin) / length, origin, length })
+    }
+}
+
+/// The sample nearest to `time`, the newer one of two.
+fn nearest(t: &[f64], time: f64) -> usize {
+    let after = t.partition_point(|t| *t <= time);
+    match after {
+        0 => 0,
+        after if after == t.len() => after - 1,
+        after if time - t[after - 1] < t[after] - time => after - 1,
+        after => after,
+    }
+}

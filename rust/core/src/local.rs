@@ -1,0 +1,397 @@
+//! One weighted fit on the samples that are there, wherever they lie.
+//!
+//! The samples of a window at the places `s_j` have the weights `W_j`, the Jacobi weight at their places times their own; a
+//! missing sample has none. Polynomials `q_m` orthonormal on these very samples come from the recurrence
+//! `h_{m+1} q_{m+1} = u q_m - sum of h_{mk} q_k` with `u = 2 s - 1`, orthogonalised twice (Arnoldi's process on the Vandermonde matrix;
+//! Brubeck, Nakatsukasa and Trefethen, SIAM Review 63, 2021): no monomials and no normal equations, so that clustered samples
+//! cost no digits that the data have. The estimate of order `n` at `u` is `sum over j of w_j x_j` with
+//! `w_j = W_j sum over m of q_m^(n)(u) q_m(s_j)`, and the same recurrence, differentiated, gives `q_m^(n)(u)`.
+
+#![expect(
+    clippy::inline_always,
+    reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
+)]
+
+use pulp::{Arch, Simd, WithSimd};
+
+use crate::error::{Error, at_least};
+use crate::jacobi::{Jacobi, ln_power};
+
+/// Samples that are worked on side by side.
+pub const SIDE: usize = 8;
+
+/// [`SIDE`] numbers, one for every sample.
+pub type Block = [f64; SIDE];
+
+/// A polynomial whose norm on the samples is below this share of that of `u` times the one before is zero on them but for
+/// rounding: there are too few samples for its degree.
+const VANISHES: f64 = 1e-14;
+
+/// Exponents up to this one are powers, not logarithms.
+const POWERS: f64 = 8.0;
+
+/// What is fitted, and what is asked of the fit.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    /// The weight's exponents.
+    pub family: Jacobi,
+    /// Degree of the fit.
+    pub degree: usize,
+    /// Degree of a second fit by whose difference the bias is judged; `degree` for none.
+    pub beyond: usize,
+    /// Orders of the derivatives.
+    pub orders: Vec<usize>,
+}
+
+impl Model {
+    /// The Jacobi weight at the places, up to a factor, into `base`; `half` is half the width of the cell of a sample, over
+    /// which negative exponents are averaged.
+    #[inline(always)]
+    pub fn base(&self, places: &[f64], half: f64, base: &mut [f64]) {
+        let Jacobi { alpha, beta } = self.family;
+        if alpha.max(beta) <= POWERS {
+            for (weight, &s) in base.iter_mut().zip(places) {
+                *weight = power(s, half, alpha) * power(1.0 - s, half, beta);
+            }
+            return;
+        }
+        let mut peak = f64::NEG_INFINITY;
+        for (weight, &s) in base.iter_mut().zip(places) {
+            *weight = ln_cell(s, half, alpha) + ln_cell(1.0 - s, half, beta);
+            peak = peak.max(*weight);
+        }
+        base.iter_mut().for_each(|weight| *weight = (*weight - peak).exp());
+    }
+
+    /// The highest order.
+    pub fn highest(&self) -> usize {
+        self.orders.iter().copied().max().unwrap_or(0)
+    }
+}
+
+/// `s^exponent`, or for a negative exponent its mean over the cell around `s`, as far as that lies in the window.
+#[inline(always)]
+fn power(s: f64, half: f64, exponent: f64) -> f64 {
+    if exponent == 0.0 {
+        1.0
+    } else if exponent == 1.0 {
+        s.max(0.0)
+    } else if exponent > 0.0 {
+        let s = s.max(0.0);
+        if exponent.fract() == 0.0 { s.powi(exponent as i32) } else { s.powf(exponent) }
+    } else {
+        ln_cell(s, half, exponent).exp()
+    }
+}
+
+fn ln_cell(s: f64, half: f64, exponent: f64) -> f64 {
+    if exponent >= 0.0 {
+        return ln_power(s.max(0.0), exponent);
+    }
+    let (low, high) = ((s - half).max(0.0), s + half);
+    let power = exponent + 1.0;
+    ((high.powf(power) - low.powf(power)) / (power * (high - low))).ln()
+}
+
+/// The samples of one window and what was found of them: a thread's own memory.
+#[derive(Debug, Default)]
+pub struct Sheet {
+    blocks: usize,
+    /// `u` of the samples, 0 in the padding.
+    pub places: Vec<Block>,
+    /// Square roots of the weights: 0 where there is no sample.
+    pub root: Vec<Block>,
+    /// `sqrt(W) q_m`, one column of blocks after another.
+    basis: Vec<Block>,
+    /// `h`, row by row, and the norms `h_{m+1}`.
+    recurrence: Vec<f64>,
+    norms: Vec<f64>,
+    degree: usize,
+}
+
+impl Sheet {
+    /// Makes room for `samples` samples and polynomials up to `degree`.
+    pub fn prepare(&mut self, samples: usize, degree: usize) -> Result<(), Error> {
+        (self.blocks, self.degree) = (samples.div_ceil(SIDE), degree);
+        let size = degree + 1;
+        at_least(&mut self.places, self.blocks)?;
+        at_least(&mut self.root, self.blocks)?;
+        at_least(&mut self.basis, self.blocks.saturating_mul(size))?;
+        at_least(&mut self.recurrence, size * size)?;
+        at_least(&mut self.norms, size)?;
+        for column in [&mut self.places, &mut self.root] {
+            column[..self.blocks].as_flattened_mut()[samples..].fill(0.0);
+        }
+        Ok(())
+    }
+
+    /// Polynomials.
+    pub fn size(&self) -> usize {
+        self.degree + 1
+    }
+
+    /// Blocks of samples.
+    pub fn blocks(&self) -> usize {
+        self.blocks
+    }
+
+    /// `sqrt(W) q_m` on the samples.
+    #[inline(always)]
+    pub fn column(&self, m: usize) -> &[Block] {
+        &self.basis[m * self.blocks..][..self.blocks]
+    }
+
+    /// Finds the orthonormal polynomials; false if there are too few samples for the degree.
+    pub fn orthonormalise(&mut self) -> bool {
+        Arch::new().dispatch(Orthonormalise(self))
+    }
+
+    /// The polynomials' values and derivatives at `u`, up to the order `highest`: `values[order * size + m]` is
+    /// `q_m^(order)(u)`, with `size` the degree plus one.
+    #[inline(always)]
+    pub fn derive(&self, u: f64, highest: usize, values: &mut Vec<f64>) -> Result<(), Error> {
+        let size = self.degree + 1;
+        at_least(values, size * (highest + 1))?;
+        for order in 0..=highest {
+            let (below, row) = values.split_at_mut(order * size);
+            let below = below.get(below.len().saturating_sub(size)..).unwrap_or_default();
+            row[0] = if order == 0 { 1.0 / self.norms[0] } else { 0.0 };
+            for m in 0..self.degree {
+                let h = &self.recurrence[m * size..][..=m];
+                let mut next = u * row[m] - h.iter().zip(&*row).map(|(h, value)| h * value).sum::<f64>();
+                if let Some(lower) = below.get(m) {
+                    next += order as f64 * lower;
+                }
+                row[m + 1] = next / self.norms[m + 1];
+            }
+        }
+        Ok(())
+    }
+
+    /// The weights of the samples in an estimate with these moments, from the one with `moments[0] = q_first^(n)(u)` on.
+    pub fn weigh(&self, first: usize, moments: &[f64], weights: &mut [Block]) {
+        Arch::new().dispatch(Weigh { sheet: self, first, moments, weights });
+    }
+}
+
+struct Orthonormalise<'a>(&'a mut Sheet);
+
+impl WithSimd for Orthonormalise<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let sheet = self.0;
+        let (blocks, size) = (sheet.blocks, sheet.degree + 1);
+        let (places, root) = (registers::<S>(&sheet.places[..blocks]), registers::<S>(&sheet.root[..blocks]));
+        let mass = product(simd, root, root);
+        if !(mass > 0.0 && mass.is_finite()) {
+            return false;
+        }
+        sheet.norms[0] = mass.sqrt();
+        let first = registers_mut::<S>(&mut sheet.basis[..blocks]);
+        let factor = simd.splat_f64s(1.0 / sheet.norms[0]);
+        for (to, root) in first.iter_mut().zip(root) {
+            *to = simd.mul_f64s(factor, *root);
+        }
+        for m in 0..sheet.degree {
+            let (done, rest) = sheet.basis.split_at_mut((m + 1) * blocks);
+            let next = registers_mut::<S>(&mut rest[..blocks]);
+            let h = &mut sheet.recurrence[m * size..][..=m];
+            h.fill(0.0);
+            let current = registers::<S>(&done[m * blocks..]);
+            for ((to, q), u) in next.iter_mut().zip(current).zip(places) {
+                *to = simd.mul_f64s(*q, *u);
+            }
+            h[m] = product(simd, next, current);
+            add(simd, next, current, -h[m]);
+            if m > 0 {
+                h[m - 1] = sheet.norms[m];
+                add(simd, next, registers::<S>(&done[(m - 1) * blocks..][..blocks]), -h[m - 1]);
+            }
+            for (column, h) in done.chunks_exact(blocks).zip(h.iter_mut()) {
+                let column = registers::<S>(column);
+                let rest = product(simd, next, column);
+                add(simd, next, column, -rest);
+                *h += rest;
+            }
+            let norm = product(simd, next, next).sqrt();
+            if !(norm > VANISHES) {
+                return false;
+            }
+            sheet.norms[m + 1] = norm;
+            let factor = simd.splat_f64s(1.0 / norm);
+            for next in next {
+                *next = simd.mul_f64s(*next, factor);
+            }
+        }
+        true
+    }
+}
+
+struct Weigh<'a> {
+    sheet: &'a Sheet,
+    first: usize,
+    moments: &'a [f64],
+    weights: &'a mut [Block],
+}
+
+impl WithSimd for Weigh<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { sheet, first, moments, weights } = self;
+        let weights = registers_mut::<S>(weights);
+        weights.fill(simd.splat_f64s(0.0));
+        for (m, moment) in (first..).zip(moments) {
+            add(simd, weights, registers::<S>(sheet.column(m)), *moment);
+        }
+        for (weight, root) in weights.iter_mut().zip(registers::<S>(&sheet.root)) {
+            *weight = simd.mul_f64s(*weight, *root);
+        }
+    }
+}
+
+/// The sums of the products of `a` with each of `others`.
+struct Products<'a, const N: usize> {
+    a: &'a [Block],
+    others: [&'a [Block]; N],
+}
+
+impl<const N: usize> WithSimd for Products<'_, N> {
+    type Output = [f64; N];
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> [f64; N] {
+        let mut sums = [0.0; N];
+        for (sum, other) in sums.iter_mut().zip(self.others) {
+            *sum = product(simd, registers::<S>(self.a), registers::<S>(other));
+        }
+        sums
+    }
+}
+
+/// The sums of the products of `a` with each of `others`.
+pub fn dots<const N: usize>(a: &[Block], others: [&[Block]; N]) -> [f64; N] {
+    Arch::new().dispatch(Products { a, others })
+}
+
+#[inline(always)]
+fn registers<S: Simd>(blocks: &[Block]) -> &[S::f64s] {
+    S::as_simd_f64s(blocks.as_flattened()).0
+}
+
+#[inline(always)]
+fn registers_mut<S: Simd>(blocks: &mut [Block]) -> &mut [S::f64s] {
+    S::as_mut_simd_f64s(blocks.as_flattened_mut()).0
+}
+
+/// `sum of a b`, by two sums side by side.
+#[inline(always)]
+fn product<S: Simd>(simd: S, a: &[S::f64s], b: &[S::f64s]) -> f64 {
+    let (a, b) = (a.as_chunks::<2>(), b.as_chunks::<2>());
+    let mut sums = [simd.splat_f64s(0.0); 2];
+    for (a, b) in a.0.iter().zip(b.0) {
+        sums = [simd.mul_add_e_f64s(a[0], b[0], sums[0]), simd.mul_add_e_f64s(a[1], b[1], sums[1])];
+    }
+    for (a, b) in a.1.iter().zip(b.1) {
+        sums[0] = simd.mul_add_e_f64s(*a, *b, sums[0]);
+    }
+    simd.reduce_sum_f64s(simd.add_f64s(sums[0], sums[1]))
+}
+
+/// `to += factor column`.
+#[inline(always)]
+fn add<S: Simd>(simd: S, to: &mut [S::f64s], column: &[S::f64s], factor: f64) {
+    let factor = simd.splat_f64s(factor);
+    for (to, value) in to.iter_mut().zip(column) {
+        *to = simd.mul_add_e_f64s(factor, *value, *to);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sheet with the weight `s (1 - s)` on these places.
+    fn sheet(places: &[f64], degree: usize) -> Sheet {
+        let mut sheet = Sheet::default();
+        sheet.prepare(places.len(), degree).expect("small");
+        let model = Model { family: Jacobi { alpha: 1.0, beta: 1.0 }, degree, beyond: degree, orders: vec![0] };
+        let mut base = vec![0.0; places.len()];
+        model.base(places, 0.0, &mut base);
+        for (k, (s, weight)) in places.iter().zip(base).enumerate() {
+            sheet.places.as_flattened_mut()[k] = 2.0 * s - 1.0;
+            sheet.root.as_flattened_mut()[k] = weight.sqrt();
+        }
+        sheet
+    }
+
+    /// Places in clusters, all but the first two of which are much narrower than the window.
+    fn clusters(count: usize) -> Vec<f64> {
+        (0..count).map(|k| 0.1 + 0.2 * (k % 4) as f64 + 1e-3 * k as f64 + 1e-5 * ((k * k) % 17) as f64).collect()
+    }
+
+    #[test]
+    fn polynomials_are_orthonormal_on_the_samples() {
+        for (count, degree) in [(5, 4), (40, 3), (61, 12), (333, 30)] {
+            let mut sheet = sheet(&clusters(count), degree);
+            assert!(sheet.orthonormalise());
+            for m in 0..=degree {
+                for k in 0..=m {
+                    let [product] = dots(sheet.column(m), [sheet.column(k)]);
+                    let wanted = if m == k { 1.0 } else { 0.0 };
+                    assert!((product - wanted).abs() < 1e-14, "{count} {degree}: {m} {k} {product}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn weights_differentiate_polynomials_and_values_are_those_on_the_samples() {
+        let places = clusters(50);
+        let mut sheet = sheet(&places, 4);
+        assert!(sheet.orthonormalise());
+        let mut values = Vec::new();
+        sheet.derive(2.0 * places[7] - 1.0, 2, &mut values).expect("small");
+        for m in 0..=4 {
+            let on_sample = sheet.column(m).as_flattened()[7] / sheet.root.as_flattened()[7];
+            assert!((values[m] - on_sample).abs() < 1e-12 * on_sample.abs().max(1.0));
+        }
+        let u = 0.3;
+        sheet.derive(u, 2, &mut values).expect("small");
+        let mut weights = vec![[0.0; SIDE]; sheet.blocks()];
+        for order in 0..=2 {
+            sheet.weigh(0, &values[order * 5..][..5], &mut weights);
+            let size: f64 = weights.as_flattened().iter().map(|w| w.abs()).sum();
+            for power in 0..=4_i32 {
+                let estimate: f64 =
+                    weights.as_flattened().iter().zip(&places).map(|(w, s)| w * (2.0 * s - 1.0).powi(power)).sum();
+                let falling: f64 = (0..order as i32).map(|r| f64::from(power - r)).product();
+                let wanted = if power < order as i32 { 0.0 } else { falling * u.powi(power - order as i32) };
+                assert!((estimate - wanted).abs() < 1e-14 * size, "{order} {power}: {estimate} {wanted}");
+            }
+        }
+    }
+
+    #[test]
+    fn too_few_samples_are_noticed() {
+        let mut few = sheet(&[0.2, 0.4, 0.6], 3);
+        assert!(!few.orthonormalise());
+        let mut none = sheet(&[], 0);
+        assert!(!none.orthonormalise());
+    }
+
+    #[test]
+    fn weights_are_those_of_the_cells() {
+        // Negative exponents are averaged over cells, and large ones do not underflow all together.
+        let places: Vec<f64> = (0..10).map(|j| (f64::from(j) + 0.5) / 10.0).collect();
+        let mut base = vec![0.0; 10];
+        let model = |alpha, beta| Model { family: Jacobi { alpha, beta }, degree: 1, beyond: 1, orders: vec![1] };
+        model(-0.5, 0.0).base(&places, 0.05, &mut base);
+        assert!((base[0] - 2.0 / 0.1_f64.sqrt()).abs() < 1e-12);
+        model(3000.0, 3000.0).base(&places, 0.05, &mut base);
+        assert!((base[4] - 1.0).abs() < 1e-12 && base[0] < 1e-300);
+    }
+}
