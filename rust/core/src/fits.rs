@@ -161,7 +161,11 @@ impl Fits<'_> {
             && self.weights.is_none_or(one_each)
             && level.is_none_or(one_each)
             && self.listed.is_none_or(|all| all.iter().all(|&one| (0..outputs as i64).contains(&one)));
-        if fits { Ok(()) } else { Err(Error::argument("out", results.estimate.len(), "as long as there are estimates")) }
+        if fits {
+            Ok(())
+        } else {
+            Err(Error::argument("out", results.estimate.len(), "as long as there are estimates"))
+        }
     }
 
     /// What one estimate costs, in multiplications, roughly.
@@ -282,7 +286,7 @@ impl<T: Sample> Work<'_, '_, T> {
         }
         let fitted = possible && self.fit(row, &window)?;
         for index in 0..fits.model.orders.len() {
-            let estimate = if fitted { self.weighed(index, row, &window)? } else { NOTHING };
+            let estimate = if fitted { self.weighed(index, row, &window) } else { NOTHING };
             self.put(k, index, estimate, unit);
         }
         Ok(())
@@ -455,7 +459,7 @@ impl<T: Sample> Work<'_, '_, T> {
     }
 
     /// One estimate by its own weights.
-    fn weighed(&mut self, index: usize, row: Row, window: &Window) -> Result<Estimate, Error> {
+    fn weighed(&self, index: usize, row: Row, window: &Window) -> Estimate {
         let memory = &*self.memory;
         let blocks = window.count.div_ceil(SIDE);
         let (z, weights) = (&memory.z[..blocks], &memory.weights[index * blocks..][..blocks]);
@@ -466,10 +470,10 @@ impl<T: Sample> Work<'_, '_, T> {
             more = if memory.reaches { sum } else { f64::NAN };
         }
         if !self.bounded(index, gain) {
-            return Ok(NOTHING);
+            return NOTHING;
         }
         let variance = if self.piece.std.is_empty() { 0.0 } else { self.variance(index, row, window) };
-        Ok(Estimate { value, variance, more })
+        Estimate { value, variance, more }
     }
 
     /// The variance of the estimate with the weights number `index`.

@@ -29,9 +29,9 @@ pub struct Whole {
     size: usize,
     sheet: Sheet,
     /// The places on [0, 1] and the square roots of the weights, one sample after the other.
-    pub places: Vec<f64>,
+    places: Vec<f64>,
     /// See `places`.
-    pub root: Vec<f64>,
+    root: Vec<f64>,
     /// `sqrt(W) Q`, one column of blocks after another.
     functionals: Vec<Block>,
     /// The rows of Q, if they are no longer than a block.
@@ -53,7 +53,7 @@ pub struct Aim {
 
 impl Aim {
     /// The noise gain of the whole window, for T = 2 and the order number `index`.
-    pub fn gain(&self, index: usize) -> f64 {
+    pub(crate) fn gain(&self, index: usize) -> f64 {
         self.gains[index]
     }
 }
@@ -79,7 +79,11 @@ impl Whole {
         if !complete {
             sheet.prepare(span, model.degree)?;
             if !sheet.orthonormalise() {
-                return Err(Error::argument("window_length", window_length, "such that degree + 1 samples have a weight"));
+                return Err(Error::argument(
+                    "window_length",
+                    window_length,
+                    "such that degree + 1 samples have a weight",
+                ));
             }
         }
         let size = if complete { size } else { model.degree + 1 };
@@ -108,33 +112,35 @@ impl Whole {
     }
 
     /// Samples that have a weight.
+    #[must_use]
     pub fn span(&self) -> usize {
         self.places.len()
     }
 
     /// Samples of the nominal window.
-    pub fn window_length(&self) -> usize {
+    pub(crate) fn window_length(&self) -> usize {
         self.window_length
     }
 
     /// The place on [0, 1] of `position`, in samples from the oldest that has a weight.
+    #[must_use]
     pub fn place(&self, position: f64) -> f64 {
         (position + self.kept.start as f64 + 0.5) / self.window_length as f64
     }
 
     /// Whether the fit reaches the degree by which the bias is judged.
-    pub fn reaches(&self, beyond: usize) -> bool {
+    pub(crate) fn reaches(&self, beyond: usize) -> bool {
         self.size > beyond
     }
 
     /// Whether samples can be left out of it.
-    pub fn refits(&self) -> bool {
+    pub(crate) fn refits(&self) -> bool {
         !self.rows.is_empty()
     }
 
     /// Makes `aim` that of the point `u`, unless it is already.
     #[inline(always)]
-    pub fn aim(&self, model: &Model, u: f64, aim: &mut Aim) -> Result<(), Error> {
+    pub(crate) fn aim(&self, model: &Model, u: f64, aim: &mut Aim) -> Result<(), Error> {
         if !aim.gains.is_empty() && aim.u == u {
             return Ok(());
         }
@@ -160,7 +166,7 @@ impl Whole {
     /// `Q^T sqrt(W) x` of the samples `z`, those missing being 0, and the factors of G without the samples `missing`; false if
     /// too little is left of the window.
     #[inline(always)]
-    pub fn without(&self, missing: &[usize], z: &[Block], refit: &mut Refit) -> bool {
+    pub(crate) fn without(&self, missing: &[usize], z: &[Block], refit: &mut Refit) -> bool {
         let (size, blocks) = (self.size, self.sheet.blocks());
         refit.g = [[0.0; SIDE]; SIDE];
         refit.g.iter_mut().enumerate().for_each(|(m, row)| row[m] = 1.0);
@@ -178,14 +184,14 @@ impl Whole {
 
     /// The estimate of the order number `index` by the fit of the degree `size - 1`.
     #[inline(always)]
-    pub fn estimate(&self, aim: &Aim, index: usize, size: usize, refit: &mut Refit) -> f64 {
+    pub(crate) fn estimate(&self, aim: &Aim, index: usize, size: usize, refit: &mut Refit) -> f64 {
         refit.solve(&aim.moments[index * self.size..][..size]);
         refit.solution[..size].iter().zip(&refit.sums).map(|(g, sum)| g * sum).sum()
     }
 
     /// The square of the norm of the weights of the last estimate, one of the fit's own degree.
     #[inline(always)]
-    pub fn refitted_gain(&self, missing: &[usize], refit: &Refit) -> f64 {
+    pub(crate) fn refitted_gain(&self, missing: &[usize], refit: &Refit) -> f64 {
         let g = &refit.solution;
         let left_out: f64 = missing
             .iter()
@@ -199,7 +205,7 @@ impl Whole {
 
     /// The weights themselves of the last estimate.
     #[inline(always)]
-    pub fn refitted_weights(&self, missing: &[usize], refit: &Refit, weights: &mut [Block]) {
+    pub(crate) fn refitted_weights(&self, missing: &[usize], refit: &Refit, weights: &mut [Block]) {
         weights.fill([0.0; SIDE]);
         for (g, column) in refit.solution.iter().zip(self.functionals.chunks_exact(self.sheet.blocks())) {
             for (weights, column) in weights.iter_mut().zip(column) {
@@ -232,7 +238,7 @@ impl Refit {
                     row[j] = value * above[j][j];
                 } else {
                     value -= row[..j].iter().map(|a| a * a).sum::<f64>();
-                    if !(value > SMALLEST_PIVOT) {
+                    if value.is_nan() || value <= SMALLEST_PIVOT {
                         return false;
                     }
                     row[j] = 1.0 / value.sqrt();
@@ -256,5 +262,68 @@ impl Refit {
             let sum: f64 = (i + 1..size).map(|k| self.g[k][i] * self.solution[k]).sum();
             self.solution[i] = (self.solution[i] - sum) * self.g[i][i];
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::jacobi::Jacobi;
+
+    /// The fit without the missing samples, anew.
+    fn anew(whole: &Whole, model: &Model, missing: &[usize], u: f64) -> Vec<Vec<f64>> {
+        let mut sheet = Sheet::default();
+        sheet.prepare(whole.span(), model.degree).expect("small");
+        for (k, (s, root)) in whole.places.iter().zip(&whole.root).enumerate() {
+            sheet.places.as_flattened_mut()[k] = 2.0 * s - 1.0;
+            sheet.root.as_flattened_mut()[k] = if missing.contains(&k) { 0.0 } else { *root };
+        }
+        assert!(sheet.orthonormalise());
+        let mut values = Vec::new();
+        sheet.derive(u, model.highest(), &mut values).expect("small");
+        let mut weights = vec![[0.0; SIDE]; sheet.blocks()];
+        let of_order = |order: &usize| {
+            sheet.weigh(0, &values[order * sheet.size()..][..sheet.size()], &mut weights);
+            weights.as_flattened()[..whole.span()].to_vec()
+        };
+        model.orders.iter().map(of_order).collect()
+    }
+
+    #[test]
+    fn samples_are_left_out_as_if_they_had_never_been() {
+        let family = Jacobi { alpha: 1.0, beta: 0.5 };
+        for (window_length, degree, missing) in
+            [(9, 2, vec![0, 4]), (21, 3, vec![2, 3, 4, 17]), (61, 5, (20..40).collect())]
+        {
+            let model = Model { family, degree, beyond: degree + 1, orders: vec![0, 1, 2] };
+            let whole = Whole::new(&model, window_length, 0..window_length).expect("fits");
+            let z: Vec<f64> =
+                (0..window_length).map(|k| if missing.contains(&k) { 0.0 } else { (0.7 * k as f64).sin() }).collect();
+            let mut blocks = vec![[0.0; SIDE]; window_length.div_ceil(SIDE)];
+            blocks.as_flattened_mut()[..window_length].copy_from_slice(&z);
+            let (mut aim, mut refit, u) = (Aim::default(), Refit::default(), 0.1);
+            whole.aim(&model, u, &mut aim).expect("small");
+            assert!(whole.without(&missing, &blocks, &mut refit));
+            for (index, weights) in anew(&whole, &model, &missing, u).iter().enumerate() {
+                let wanted: f64 = weights.iter().zip(&z).map(|(w, z)| w * z).sum();
+                let size: f64 = weights.iter().map(|w| w.abs()).sum();
+                let estimate = whole.estimate(&aim, index, degree + 1, &mut refit);
+                assert!((estimate - wanted).abs() < 1e-12 * size, "{window_length} {index}: {estimate} {wanted}");
+                let gain: f64 = weights.iter().map(|w| w * w).sum();
+                assert!((whole.refitted_gain(&missing, &refit) - gain).abs() < 1e-11 * gain);
+                let mut own = vec![[0.0; SIDE]; blocks.len()];
+                whole.refitted_weights(&missing, &refit, &mut own);
+                let far = own.as_flattened().iter().zip(weights).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                assert!(far < 1e-12 * size);
+            }
+        }
+    }
+
+    #[test]
+    fn too_many_missing_samples_are_noticed() {
+        let model = Model { family: Jacobi { alpha: 0.0, beta: 0.0 }, degree: 3, beyond: 3, orders: vec![1] };
+        let whole = Whole::new(&model, 11, 0..11).expect("fits");
+        let missing: Vec<usize> = (3..11).collect();
+        assert!(!whole.without(&missing, &[[0.0; SIDE]; 2], &mut Refit::default()));
     }
 }

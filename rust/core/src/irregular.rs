@@ -61,7 +61,7 @@ pub struct Windows<'a> {
 
 /// One window.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Window {
+pub(crate) struct Window {
     /// Its first sample, of the extended row if the mode extends it.
     pub start: isize,
     /// Its number of samples.
@@ -75,7 +75,7 @@ pub struct Window {
 
 impl Windows<'_> {
     /// Estimates of a row.
-    pub fn outputs(&self, whole: &Whole) -> usize {
+    pub(crate) fn outputs(&self, whole: &Whole) -> usize {
         match self.wanted {
             Wanted::Samples => self.samples,
             Wanted::Windows => (self.samples + 1).saturating_sub(whole.span()),
@@ -84,7 +84,7 @@ impl Windows<'_> {
     }
 
     /// The window of the estimate number `output`; none where the mode gives none.
-    pub fn window(&self, whole: &Whole, output: usize) -> Option<Window> {
+    pub(crate) fn window(&self, whole: &Whole, output: usize) -> Option<Window> {
         match self.times {
             Times::Even { .. } => self.even(whole, output),
             Times::Stamps { t, duration: None } => self.counted(whole, t, output),
@@ -93,12 +93,12 @@ impl Windows<'_> {
     }
 
     /// Whether a window lies in the row, unextended.
-    pub fn inside(&self, window: &Window) -> bool {
+    pub(crate) fn inside(&self, window: &Window) -> bool {
         window.start >= 0 && window.start + window.count.cast_signed() <= self.samples.cast_signed()
     }
 
     /// From derivatives for `u = 2 s - 1` to derivatives in time.
-    pub fn unit(&self, window: &Window) -> f64 {
+    pub(crate) fn unit(&self, window: &Window) -> f64 {
         match self.times {
             Times::Even { delta } => 2.0 / (window.length * delta),
             Times::Stamps { .. } => 2.0 / window.length,
@@ -106,7 +106,7 @@ impl Windows<'_> {
     }
 
     /// Half the width of a sample's cell on [0, 1].
-    pub fn half(&self, window: &Window) -> f64 {
+    pub(crate) fn half(&self, window: &Window) -> f64 {
         match self.times {
             Times::Stamps { duration: Some(span), .. } => span.beyond / window.length,
             _ => 0.5 / window.count as f64,
@@ -114,7 +114,7 @@ impl Windows<'_> {
     }
 
     /// The places of the window's samples.
-    pub fn places(&self, window: &Window, places: &mut [f64]) {
+    pub(crate) fn places(&self, window: &Window, places: &mut [f64]) {
         let factor = window.length.recip();
         if let Times::Stamps { t, .. } = self.times {
             let stamps = &t[window.start.cast_unsigned()..];

@@ -18,10 +18,10 @@ use crate::error::{Error, at_least};
 use crate::jacobi::{Jacobi, ln_power};
 
 /// Samples that are worked on side by side.
-pub const SIDE: usize = 8;
+pub(crate) const SIDE: usize = 8;
 
 /// [`SIDE`] numbers, one for every sample.
-pub type Block = [f64; SIDE];
+pub(crate) type Block = [f64; SIDE];
 
 /// A polynomial whose norm on the samples is below this share of that of `u` times the one before is zero on them but for
 /// rounding: there are too few samples for its degree.
@@ -47,7 +47,7 @@ impl Model {
     /// The Jacobi weight at the places, up to a factor, into `base`; `half` is half the width of the cell of a sample, over
     /// which negative exponents are averaged.
     #[inline(always)]
-    pub fn base(&self, places: &[f64], half: f64, base: &mut [f64]) {
+    pub(crate) fn base(&self, places: &[f64], half: f64, base: &mut [f64]) {
         let Jacobi { alpha, beta } = self.family;
         if alpha.max(beta) <= POWERS {
             for (weight, &s) in base.iter_mut().zip(places) {
@@ -64,7 +64,7 @@ impl Model {
     }
 
     /// The highest order.
-    pub fn highest(&self) -> usize {
+    pub(crate) fn highest(&self) -> usize {
         self.orders.iter().copied().max().unwrap_or(0)
     }
 }
@@ -95,7 +95,7 @@ fn ln_cell(s: f64, half: f64, exponent: f64) -> f64 {
 
 /// The samples of one window and what was found of them: a thread's own memory.
 #[derive(Debug, Default)]
-pub struct Sheet {
+pub(crate) struct Sheet {
     blocks: usize,
     /// `u` of the samples, 0 in the padding.
     pub places: Vec<Block>,
@@ -185,7 +185,7 @@ impl WithSimd for Orthonormalise<'_> {
         let (blocks, size) = (sheet.blocks, sheet.degree + 1);
         let (places, root) = (registers::<S>(&sheet.places[..blocks]), registers::<S>(&sheet.root[..blocks]));
         let mass = product(simd, root, root);
-        if !(mass > 0.0 && mass.is_finite()) {
+        if !mass.is_finite() || mass <= 0.0 {
             return false;
         }
         sheet.norms[0] = mass.sqrt();
@@ -216,7 +216,7 @@ impl WithSimd for Orthonormalise<'_> {
                 *h += rest;
             }
             let norm = product(simd, next, next).sqrt();
-            if !(norm > VANISHES) {
+            if norm.is_nan() || norm <= VANISHES {
                 return false;
             }
             sheet.norms[m + 1] = norm;
@@ -273,7 +273,7 @@ impl<const N: usize> WithSimd for Products<'_, N> {
 }
 
 /// The sums of the products of `a` with each of `others`.
-pub fn dots<const N: usize>(a: &[Block], others: [&[Block]; N]) -> [f64; N] {
+pub(crate) fn dots<const N: usize>(a: &[Block], others: [&[Block]; N]) -> [f64; N] {
     Arch::new().dispatch(Products { a, others })
 }
 
@@ -355,9 +355,9 @@ mod tests {
         assert!(sheet.orthonormalise());
         let mut values = Vec::new();
         sheet.derive(2.0 * places[7] - 1.0, 2, &mut values).expect("small");
-        for m in 0..=4 {
+        for (m, value) in values.iter().enumerate().take(5) {
             let on_sample = sheet.column(m).as_flattened()[7] / sheet.root.as_flattened()[7];
-            assert!((values[m] - on_sample).abs() < 1e-12 * on_sample.abs().max(1.0));
+            assert!((value - on_sample).abs() < 1e-12 * on_sample.abs().max(1.0));
         }
         let u = 0.3;
         sheet.derive(u, 2, &mut values).expect("small");

@@ -79,10 +79,7 @@ impl Fits {
         let mode = mode_of(mode, cval)?;
         let layout = Layout { outer: layout.0, samples: layout.1, inner: layout.2 };
         let times = match &t {
-            Some(t) => Times::Stamps {
-                t: t.as_slice()?,
-                duration: duration.map(|duration| Span { duration, beyond }),
-            },
+            Some(t) => Times::Stamps { t: t.as_slice()?, duration: duration.map(|duration| Span { duration, beyond }) },
             None => Times::Even { delta: self.delta },
         };
         let wanted = match &at {
@@ -128,11 +125,9 @@ impl Fits {
         progress: Option<Py<PyAny>>,
     ) -> PyResult<()> {
         let layout = Layout { outer: layout.0, samples: layout.1, inner: layout.2 };
-        let (place, center) =
-            if valid { (self.tau, 0) } else { (self.whole.place(self.center as f64), self.center) };
-        let bulk = enter(py, None, |_| {
-            Bulk::new(&self.model, &self.whole, place, center, self.delta, max_gain, min_support)
-        })?;
+        let (place, center) = if valid { (self.tau, 0) } else { (self.whole.place(self.center as f64), self.center) };
+        let bulk =
+            enter(py, None, |_| Bulk::new(&self.model, &self.whole, place, center, self.delta, max_gain, min_support))?;
         let count = if valid { (layout.samples + 1).saturating_sub(self.whole.span()) } else { layout.samples };
         let outputs = Outputs { layout, count, threads };
         match bulk {
@@ -171,8 +166,8 @@ impl Call<'_, '_> {
     fn run<T: Sample + Element>(self, py: Python<'_>, x: &Bound<'_, PyAny>) -> PyResult<()> {
         let x: PyReadonlyArray1<'_, T> = x.extract()?;
         let mut estimate: PyReadwriteArray1<'_, T> = self.estimate.extract()?;
-        let mut std: Option<PyReadwriteArray1<'_, T>> = self.std.map(|out| out.extract()).transpose()?;
-        let mut bias: Option<PyReadwriteArray1<'_, T>> = self.bias.map(|out| out.extract()).transpose()?;
+        let mut std: Option<PyReadwriteArray1<'_, T>> = self.std.map(PyAnyMethods::extract).transpose()?;
+        let mut bias: Option<PyReadwriteArray1<'_, T>> = self.bias.map(PyAnyMethods::extract).transpose()?;
         let mut support = self.support;
         let results = Results {
             estimate: estimate.as_slice_mut()?,

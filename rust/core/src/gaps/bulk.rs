@@ -112,7 +112,13 @@ impl<'a> Bulk<'a> {
     }
 
     /// Replaces those estimates in `out` that are NaN because a sample of their window in `x` is.
-    pub fn run<T: Sample>(&self, x: &[T], out: &mut [T], outputs: Outputs, control: &impl Control) -> Result<(), Error> {
+    pub fn run<T: Sample>(
+        &self,
+        x: &[T],
+        out: &mut [T],
+        outputs: Outputs,
+        control: &impl Control,
+    ) -> Result<(), Error> {
         let Outputs { layout, count, threads } = outputs;
         let per_order = layout.outer.saturating_mul(count).saturating_mul(layout.inner);
         let held = layout.outer.saturating_mul(layout.samples).saturating_mul(layout.inner);
@@ -188,7 +194,9 @@ impl<'a> Bulk<'a> {
                 for (index, &order) in self.orders.iter().enumerate() {
                     let (unit, origin) = (self.unit.powi(order as i32), if order == 0 { reference } else { 0.0 });
                     let results = &memory.results[index * (stop - k).next_multiple_of(SIDE)..][..stop - k];
-                    for (result, out) in results.iter().zip(task.outs[index][k * inner + column..].iter_mut().step_by(inner)) {
+                    for (result, out) in
+                        results.iter().zip(task.outs[index][k * inner + column..].iter_mut().step_by(inner))
+                    {
                         *out = T::from_f64(result * unit + origin);
                     }
                 }
@@ -200,7 +208,12 @@ impl<'a> Bulk<'a> {
 
     /// The estimates of neighbouring windows, less what is returned, into `memory.results`; none if no sample or an infinite one is
     /// among theirs.
-    fn stretch(&self, samples: impl Iterator<Item = f64>, count: usize, memory: &mut Memory) -> Result<Option<f64>, Error> {
+    fn stretch(
+        &self,
+        samples: impl Iterator<Item = f64>,
+        count: usize,
+        memory: &mut Memory,
+    ) -> Result<Option<f64>, Error> {
         let (span, size, orders) = (self.whole.span(), self.whole.degree + 1, self.orders.len());
         let (held, room) = (count + span - 1, count.next_multiple_of(SIDE));
         at_least(&mut memory.z, held)?;
@@ -303,8 +316,8 @@ impl WithSimd for Solve<'_> {
                     let sum = load::<S>(&sums[i * room + first..]);
                     estimate = simd.mul_add_e_f64s(g[i], sum, estimate);
                     let mut row = zero;
-                    for k in 0..size {
-                        row = simd.mul_add_e_f64s(simd.splat_f64s(whole.spread[i * size + k]), g[k], row);
+                    for (factor, g) in whole.spread[i * size..][..size].iter().zip(g) {
+                        row = simd.mul_add_e_f64s(simd.splat_f64s(*factor), g, row);
                     }
                     gain = simd.mul_add_e_f64s(row, g[i], gain);
                 }
