@@ -16,7 +16,7 @@ UNEVEN = np.cumsum(np.random.default_rng(61).uniform(0.6, 1.4, N)) * 0.1
 SIGMA = np.random.default_rng(62).uniform(0.5, 2.0, N)
 TIMES = np.sort(np.random.default_rng(63).uniform(UNEVEN[0], UNEVEN[-1], 40))
 
-# The weights of every estimate are what it makes of unit impulses, so that these calls must agree with their own errors.
+# What a call makes of unit impulses are its weights, and must agree with its errors.
 CALLS: dict[str, dict[str, Any]] = {
     "fit": {},
     "nan": {"mode": "nan"},
@@ -70,7 +70,9 @@ def check(found: algdiff.Estimates, expected: np.ndarray, rtol: float) -> None:
     assert (np.isnan(std) == missing[..., None]).all()
     there = ~missing
     assert there.any()
-    np.testing.assert_allclose(std[there], np.broadcast_to(expected[..., None], std.shape)[there], rtol=rtol, atol=0)
+    # Weights that add up to zero, of samples that are repeated, leave the rounding of those of other estimates.
+    atol = rtol * expected.max(axis=-1, keepdims=True)
+    assert (np.abs(std - expected[..., None]) <= np.maximum(rtol * expected, atol)[..., None])[there].all()
 
 
 @pytest.mark.parametrize("gaps", [False, True])
@@ -130,7 +132,9 @@ def test_std_of_rows_that_miss_different_samples(name: str) -> None:
     found = one(x, 1, nan_policy="omit", return_std=True, sigma=sigma, **CALLS[name])
     expected = np.linalg.norm(np.nan_to_num(found.estimate) * sigma[..., 0][:, None], axis=-1)
     check(found, expected, bound())
-    turned = one(np.moveaxis(x, 1, -1), nan_policy="omit", return_std=True, sigma=np.moveaxis(sigma, 1, -1), **CALLS[name])
+    turned = one(
+        np.moveaxis(x, 1, -1), nan_policy="omit", return_std=True, sigma=np.moveaxis(sigma, 1, -1), **CALLS[name]
+    )
     np.testing.assert_allclose(np.moveaxis(turned.std, -1, 1), found.std, rtol=bound())
 
 
@@ -190,7 +194,9 @@ def test_intervals_cover_the_truth(where: str, known: bool) -> None:
         x[rng.random(x.shape) < 0.15] = np.nan
         call["nan_policy"] = "omit"
     sigma = np.broadcast_to(level / np.sqrt(share), x.shape) if known else None
-    found = algdiff.differentiate(x, None if where == "duration" else WIDE, 1, degree=DEGREE, return_std=True, sigma=sigma, **call)
+    found = algdiff.differentiate(
+        x, None if where == "duration" else WIDE, 1, degree=DEGREE, return_std=True, sigma=sigma, **call
+    )
     error = (found.estimate - coefficients @ slopes)[:, places]
     inside = np.abs(error) <= 1.96 * found.std[:, places]
     counted = ~np.isnan(error)
@@ -230,7 +236,9 @@ def test_bias_indicator_is_zero_on_polynomials(name: str) -> None:
     one = design(L, (0, 1), degree=DEGREE, delta=0.1, tau=0.4)
     t = UNEVEN if "t" in CALLS[name] else UNEVEN[0] + 0.1 * np.arange(N)
     x = (t - 3) ** 3 - t
-    found = one(np.where(GAP, np.nan, x), nan_policy="omit", return_bias=True, return_std=True, sigma=1.0, **CALLS[name])
+    found = one(
+        np.where(GAP, np.nan, x), nan_policy="omit", return_bias=True, return_std=True, sigma=1.0, **CALLS[name]
+    )
     there = ~np.isnan(found.bias)
     assert there.mean() > 0.5
     # Weights of both fits round by their condition number, and meet samples of this size.
@@ -249,9 +257,10 @@ def test_no_bias_indicator_where_the_next_degree_does_not_fit() -> None:
     wide = design(L, 1, degree=DEGREE, tau=0.3)
     few = np.where(np.isin(np.arange(N), range(20, 35)) & ~np.isin(np.arange(N), (20, 24, 30, 34)), np.nan, x)
     found = wide(few, nan_policy="omit", return_bias=True, return_support=True, max_gain=1e6)
-    assert found.support[27] == DEGREE + 1
-    assert not np.isnan(found.estimate[27])
-    assert np.isnan(found.bias[27])
+    # With tau = 0.3 the window of sample 24 begins at sample 20, and holds four.
+    assert found.support[24] == DEGREE + 1
+    assert not np.isnan(found.estimate[24])
+    assert np.isnan(found.bias[24])
     assert not np.isnan(found.bias[40])
 
 
@@ -274,5 +283,6 @@ def test_the_noise_level_of_every_row_is_the_default(name: str, dtype: type) -> 
     rtol = bound(eps=float(np.finfo(dtype).eps)) if dtype is np.float64 else 8 * float(np.finfo(np.float32).eps)
     assert (np.ma.getmaskarray(found.std) == np.ma.getmaskarray(found.estimate)).all()
     np.testing.assert_allclose(np.ma.filled(found.std, -1), np.ma.filled(given.std, -1), rtol=rtol)
-    np.testing.assert_allclose(np.ma.getdata(found.estimate), np.ma.getdata(given.estimate), rtol=0)
+    sizes = np.abs(np.ma.getdata(x)).max(axis=0) * np.linalg.norm(one.weights) * 10
+    assert (np.ma.abs(found.estimate - given.estimate) <= rtol * L * sizes).all()
     assert (np.abs(np.log(np.median(np.ma.filled(found.std, 1), axis=0) / level)) < np.log(20)).all()

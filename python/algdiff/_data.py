@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class Data:
-    """What a call works on, checked and in order: contiguous arrays along ascending times, NaN where a sample is missing.
+    """What a call works on, checked and in order: contiguous arrays along ascending times, NaN where one is missing.
 
     Attributes
     ----------

@@ -302,9 +302,10 @@ class Differentiator(Wishes, Filter):
             The value beyond the data in mode "constant".
         t : array_like, optional
             Times of the samples along `axis`, instead of `delta`: strictly ascending or descending, any spacing,
-            numbers or datetime64 (then in seconds). Each estimate is a fit on the samples of its window at their own times, the
-            window being `window_length` samples that lie around it as they would if they were even, with T their range
-            and one mean step more. Even times, to 1e-9 of a step and their rounding, are recognised and cost nothing.
+            numbers or datetime64 (then in seconds). Each estimate is a fit on the samples of its window at their own
+            times, the window being `window_length` samples that lie around it as they would if they were even, with T
+            their range and one mean step more. Even times, to 1e-9 of a step and their rounding, are recognised and
+            cost nothing.
         at : array_like, optional
             Times at which estimates are wanted, instead of those of the samples; with `delta`, counted from the first
             sample. The window is that of the nearest sample.
@@ -349,16 +350,18 @@ class Differentiator(Wishes, Filter):
         -------
         ndarray or Estimates
             The estimates, in the unit of `x` over that of ``delta**deriv``. A NaN in `x` makes every estimate NaN
-            whose window contains it, and no other; so does an infinity. Masked arrays return masked. Of several orders, along a leading axis. The
-            axes lie in memory in the order of those of `x`.
+            whose window contains it, and no other; so does an infinity. Masked arrays return masked. Of several
+            orders, along a leading axis. The axes lie in memory in the order of those of `x`, unless more is asked
+            for.
 
         Raises
         ------
         ValueError
             `x` has fewer samples than the window (modes "fit", "valid" and "nan"), `axis` or `mode` does not exist,
-            or `out` has the wrong shape, is read-only or overlaps `x`.
+            `out` has the wrong shape, is read-only or overlaps `x`, times are not strictly monotone, or what is asked
+            for does not go together.
         TypeError
-            `x` does not hold numbers, has masked values or carries units, or `out` has another dtype.
+            `x` does not hold numbers or carries units, or `out` has another dtype.
         MemoryError
             The result does not fit into memory.
         """

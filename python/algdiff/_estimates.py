@@ -1,8 +1,8 @@
 """Calls that ask for more than sliding weights: missing samples, times, weights, angles, errors.
 
-Even samples without any of that are differentiated as always, and what their windows do not give is filled in: windows that
-touch a gap are fitted on the samples that are there, the ends have standard deviations of their own. Everything else gets a
-fit of its own for every estimate.
+Even samples without any of that are differentiated as always, and what their windows do not give is filled in: windows
+that touch a gap are fitted on the samples that are there, the ends have standard deviations of their own. Everything
+else gets a fit of its own for every estimate.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from algdiff import _arguments as arguments
 from algdiff._arguments import Samples
-from algdiff._gradient import Field, Part, PerAxis, each, several
+from algdiff._separable import Field, Part, PerAxis, each, several
 
 
 def partial(
@@ -39,8 +39,8 @@ def partial(
     window_length : int or sequence of int
         Number of samples in the window, or one for each axis.
     spacing : float, or sequence of float or array_like
-        One number for all axes, or for each axis a number or the coordinates of its samples, which must be even to
-        1e-9 of their range and their own rounding. Negative along a descending axis.
+        One number for all axes, or for each axis a number or the coordinates of its samples, which may be uneven.
+        Negative along a descending axis.
     axes : int or tuple of int, optional
         The axes that `deriv` speaks of; default all. Along the others nothing is done.
     degree : int or sequence of int, optional
@@ -50,8 +50,8 @@ def partial(
         Smooth, by the same windows, along axes of order 0; otherwise they are left alone.
     **window
         Keywords of `differentiate`, the same along all axes: `kappa`, `mu`, `tau`, `rule`, `engine`, `mode` (other than
-        "valid"), `cval`, `threads`. Where an axis descends, its oldest sample is still its first. In mode "constant"
-        all of `f` is surrounded by `cval`.
+        "valid"), `cval`, `nan_policy`, `min_support`, `max_gain`, `threads`. Where an axis descends, its oldest sample
+        is still its first. In mode "constant" all of `f` is surrounded by `cval`.
 
     Returns
     -------
@@ -62,7 +62,7 @@ def partial(
     Raises
     ------
     ValueError, TypeError, MemoryError
-        As `differentiate`; or the arguments do not fit the axes, or coordinates are uneven.
+        As `differentiate`; or the arguments do not fit the axes.
 
     Examples
     --------

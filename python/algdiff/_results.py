@@ -23,6 +23,18 @@ class Estimates(NamedTuple):
     bias : ndarray or None
         By how much each differs from a fit of the next degree that counts: an indicator of the error that no noise
         explains, and as noisy as that fit.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from algdiff import differentiate
+    >>> x = np.arange(100.0) ** 2
+    >>> x[40:43] = np.nan
+    >>> found = differentiate(x, 11, nan_policy="omit", return_std=True, return_support=True, sigma=0.1)
+    >>> bool(np.allclose(found.estimate, 2 * np.arange(100))), found.support[[0, 36, 41]].tolist()
+    (True, [11, 9, 8])
+    >>> bool(found.std[41] > found.std[20]), bool(found.std[0] > found.std[41])
+    (True, True)
     """
 
     estimate: Samples

@@ -1,0 +1,280 @@
+"""Even samples some of which are missing: polynomials, a brute force, and what gaps must leave alone."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import algdiff
+from algdiff import Differentiator, differentiate
+from reference_fits import Polynomial, assert_exact, assert_fits, by_order, random_words, twin
+from support import EPS
+
+pytestmark = pytest.mark.filterwarnings("ignore::algdiff.DesignWarning")
+
+SINGLE = float(np.finfo(np.float32).eps)
+MODES = ["fit", "fit", "nan", "valid", "nearest", "mirror", "wrap", "constant"]
+INSIDE = MODES[:4]
+
+
+def gaps(rng: np.random.Generator, n: int, run: int) -> np.ndarray[Any, Any]:
+    """Return which of n samples are missing: some here and there, and runs of up to `run`."""
+    gone = rng.random(n) < rng.uniform(0, 0.4)
+    for _ in range(rng.integers(0, 3)):
+        start = rng.integers(n)
+        gone[start : start + rng.integers(1, run + 1)] = True
+    return gone
+
+
+def limits(rng: np.random.Generator, words: dict[str, Any]) -> dict[str, Any]:
+    """Return what may refuse a fit, now and then."""
+    some: dict[str, Any] = {}
+    if rng.random() < 0.3:
+        some["max_gain"] = float(rng.choice([1.5, 2.0, 10.0, 1e6, np.inf]))
+    if rng.random() < 0.3:
+        some["min_support"] = int(rng.integers(words["degree"] + 1, words["window_length"] + 1))
+    return some
+
+
+@pytest.mark.parametrize("block", range(10))
+def test_polynomials_come_back_around_gaps(block: int) -> None:
+    numbers = 0
+    for seed in range(50):
+        rng = np.random.default_rng([1, block, seed])
+        words = random_words(rng, several=True) | {"mode": INSIDE[rng.integers(4)]}
+        length, delta = words["window_length"], float(rng.choice([1.0, 0.01, 3.0]))
+        n = int(rng.integers(length, 3 * length + 10))
+        if words["mode"] == "fit" and rng.random() < 0.3:
+            words["edge_window"] = "shrink"
+        words |= limits(rng, words)
+        t = delta * np.arange(n)
+        p = Polynomial(rng, words["degree"], t)
+        dtype, eps = [(np.float64, EPS), (np.float64, EPS), (np.float32, SINGLE)][rng.integers(3)]
+        x = np.repeat(p(t)[:, None], 2, axis=1).astype(dtype)
+        for row in range(2):
+            x[gaps(rng, n, length // 2), row] = np.nan
+        more = {"return_support": True} if rng.random() < 0.5 else {}  # estimates alone have a way of their own
+        call: dict[str, Any] = {**words, **more, "delta": delta, "nan_policy": "omit", "axis": 0}
+        found = differentiate(x, **call)
+        estimate = found.estimate if more else found
+        assert estimate.dtype == dtype
+        one = twin(words, delta=delta)
+        for row in range(2):
+            rows = by_order(estimate[..., row], one)
+            only = rng.choice(rows.shape[1], min(rows.shape[1], 5), replace=False)
+            numbers += assert_exact(one, x[:, row].astype(float), rows, p, t, only, eps)
+    assert numbers > 250
+
+
+@pytest.mark.parametrize("block", range(12))
+def test_equal_to_the_brute_force(block: int) -> None:
+    numbers = 0
+    for seed in range(20):
+        rng = np.random.default_rng([2, block, seed])
+        words = random_words(rng, several=True) | {"mode": MODES[rng.integers(8)]}
+        words["delta"] = float(rng.choice([1.0, 0.01, 3.0]))
+        length, extends = words["window_length"], words["mode"] not in INSIDE
+        n = int(rng.integers(max(1, length // 3) if extends else length, 3 * length + 10))
+        if words["mode"] == "constant":
+            words["cval"] = float(rng.choice([np.nan, 2.0]))
+        words |= limits(rng, words)
+        if rng.random() < 0.3 and isinstance(words["deriv"], int) and length > 3 * words["degree"] + 8:
+            words["trim"] = 0.03
+        elif words["mode"] == "fit" and rng.random() < 0.4:
+            words["edge_window"] = "shrink"
+        if rng.random() < 0.2:
+            words["weights"] = np.where(rng.random(n) < 0.1, 0, rng.uniform(0.2, 5, n))
+        x = rng.standard_normal(n)
+        x[gaps(rng, n, length // 2)] = np.nan
+        found = differentiate(x, nan_policy="omit", return_support=True, **words)
+        outputs = found.estimate.shape[-1]
+        only = rng.choice(outputs, min(outputs, 10), replace=False)
+        numbers += assert_fits(twin(words), x, found, only)
+    assert numbers > 100
+
+
+@pytest.mark.parametrize("block", range(3))
+def test_weights_of_rows_and_of_samples(block: int) -> None:
+    for seed in range(10):
+        rng = np.random.default_rng([3, block, seed])
+        words = random_words(rng, longest=30)
+        n = 2 * words["window_length"] + 5
+        x, weights = rng.standard_normal((n, 3)), rng.uniform(0.2, 5, (n, 3))
+        x[rng.random((n, 3)) < 0.1] = np.nan
+        call: dict[str, Any] = {**words, "nan_policy": "omit", "axis": 0, "return_support": True}
+        each, shared = differentiate(x, weights=weights, **call), differentiate(x, weights=weights[:, 1], **call)
+        for row in range(3):
+            for given, found in [(weights[:, row], each), (weights[:, 1], shared)]:
+                part = algdiff.Estimates(found.estimate[:, row], support=found.support[:, row])
+                assert_fits(twin(words, weights=given), x[:, row], part, rng.choice(n, 5, replace=False))
+
+
+@pytest.mark.parametrize("trim", [0.0, 0.03])
+@pytest.mark.parametrize("tau", ["center", "root", "newest", 0.3])
+@pytest.mark.parametrize("mode", [*INSIDE[1:], "mirror"])
+def test_bias_is_the_difference_from_the_next_degree_that_counts(mode: str, tau: Any, trim: float) -> None:
+    rng = np.random.default_rng([4, INSIDE.index(mode) if mode in INSIDE else 9])
+    words: dict[str, Any] = {"window_length": 25, "deriv": 1, "degree": 3, "kappa": 2.5, "mu": 2.0, "tau": tau}
+    words |= {"mode": mode, "trim": trim}
+    x = rng.standard_normal(70)
+    x[[20, 21, 55]] = np.nan
+    found = differentiate(x, nan_policy="omit", return_bias=True, **words)
+    beyond = 1 + Differentiator(**{name: words[name] for name in words if name != "mode"}).exactness
+    assert_fits(twin(words), x, found, range(found.estimate.size), beyond)
+
+
+# What gaps leave alone.
+
+
+@pytest.mark.parametrize("mode", sorted(set(MODES)))
+@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.complex128])
+@pytest.mark.parametrize("length", [5, 61, 501])
+def test_only_windows_that_touch_a_gap_change(length: int, dtype: Any, mode: str) -> None:
+    rng = np.random.default_rng([5, length])
+    x = rng.standard_normal((2, 2400)).astype(dtype)
+    design = Differentiator(length, (0, 1), degree=2, tau=0.6)
+    whole = design(x, mode=mode)
+    np.testing.assert_array_equal(design(x, mode=mode, nan_policy="omit"), whole)
+    np.testing.assert_array_equal(design(x, mode=mode, nan_policy="omit", return_support=True).estimate, whole)
+    x[0, [0, 1100, 1101, 2000]] = x[1, 1300:1310] = np.nan
+    spread = design(x, mode=mode)
+    touched = np.isnan(spread)
+    for found in [
+        design(x, mode=mode, nan_policy="omit"),
+        design(x, mode=mode, nan_policy="omit", return_support=True),
+    ]:
+        estimate = found.estimate if isinstance(found, algdiff.Estimates) else found
+        assert estimate.dtype == np.dtype(dtype)
+        np.testing.assert_array_equal(estimate[~touched], spread[~touched])
+        if mode == "nan":
+            ends = np.isnan(whole)
+            assert np.isnan(estimate[ends]).all()
+            touched &= ~ends
+        assert np.isfinite(estimate[touched]).mean() > (0.9 if length > 5 else 0.2)
+        assert (estimate[touched] != whole[touched]).any()
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("length", [7, 61, 501, 2001])
+def test_many_fits_at_once_equal_single_fits(length: int, dtype: Any, axis: int) -> None:
+    rng = np.random.default_rng([6, length, axis])
+    n, rows = 3 * length + 100, 9
+    x = 1e3 + rng.standard_normal((n, rows)).astype(dtype)
+    for row in range(rows):  # gaps of each row its own, and as long as part of a window
+        start = int(rng.integers(n))
+        x[start : start + int(rng.integers(1, length // 2)), row] = np.nan
+    x[rng.random((n, rows)) < 3 / length] = np.nan
+    x = np.ascontiguousarray(x if axis == 0 else x.T)
+    lost = 1e-12 if dtype is np.float64 else 4 * SINGLE
+    several: list[dict[str, Any]] = [{}, {"kappa": 0.0, "mu": 2.5, "tau": 0.8}, {"deriv": (0, 1, 2), "degree": 3}]
+    for options, mode in [(several[0], "fit"), (several[0], "valid"), (several[1], "fit"), (several[2], "nan")]:
+        design = Differentiator(length, **options)
+        many = design(x, axis, mode=mode, nan_policy="omit")
+        single = design(x, axis, mode=mode, nan_policy="omit", return_support=True).estimate
+        np.testing.assert_array_equal(np.isnan(many), np.isnan(single))
+        for one, a, b in zip(
+            design.orders, *(part if len(design.orders) > 1 else [part] for part in (many, single)), strict=True
+        ):
+            # At the newest end weights are largest, and gaps may raise the gain a hundredfold, and so |w| tenfold.
+            scale = 10 * float(np.abs(one.replace(tau="newest").weights).sum())
+            allowed = lost * (5 * scale + np.abs(b))  # the samples lie within 5 of an offset, of which no fit knows
+            assert (np.abs(a - b) <= allowed)[np.isfinite(a)].all(), np.nanmax(np.abs(a - b) / allowed)
+
+
+@pytest.mark.parametrize("more", [{}, {"return_support": True, "return_std": True, "sigma": 1.0, "return_bias": True}])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_any_number_of_threads_gives_the_same_bits(dtype: Any, more: dict[str, Any]) -> None:
+    rng = np.random.default_rng(7)
+    x = rng.standard_normal((3, 5000)).astype(dtype)
+    x[rng.random(x.shape) < 0.05] = np.nan
+    for axis, t in [(1, None), (0, None), (1, np.cumsum(rng.uniform(0.5, 2, 5000)))]:
+        given = x if axis == 1 else np.ascontiguousarray(x.T)
+        call: dict[str, Any] = {"axis": axis, "t": t, "nan_policy": "omit", **more}
+        one, many = (differentiate(given, 51, threads=threads, **call) for threads in (1, 4))
+        for a, b in zip(one if more else [one], many if more else [many], strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+# Which windows give an estimate.
+
+
+def test_windows_of_too_few_samples_give_none() -> None:
+    x = np.random.default_rng(8).standard_normal(40)
+    x[17:22] = np.nan
+    found = differentiate(x, 9, degree=3, nan_policy="omit", return_support=True, max_gain=np.inf)
+    assert found.support[19] == 4
+    assert np.isfinite(found.estimate).all()
+    for least in (5, 9):
+        limited = differentiate(x, 9, degree=3, nan_policy="omit", min_support=least, max_gain=np.inf)
+        np.testing.assert_array_equal(limited, np.where(found.support >= least, found.estimate, np.nan))
+
+
+def test_no_window_holds_more_samples_than_it_has() -> None:
+    # Samples that a window must hold, or the estimate is NaN: gaps or not.
+    x = np.random.default_rng(9).standard_normal(40)
+    x[17] = np.nan
+    for more in ({}, {"return_support": True}):
+        found = differentiate(x, 7, nan_policy="omit", min_support=8, **more)
+        assert np.isnan(found.estimate if more else found).all()
+
+
+def test_fits_that_gaps_make_noisy_give_none() -> None:
+    x = np.random.default_rng(10).standard_normal(60)
+    x[28:38] = np.nan
+    words: dict[str, Any] = {"window_length": 15, "deriv": 1, "degree": 3, "kappa": 1.0, "mu": 1.0, "tau": "center"}
+    one, free = twin(words, max_gain=1.0), differentiate(x, 15, degree=3, nan_policy="omit", max_gain=np.inf)
+    windows = one.windows(60)
+    gains = np.array([one.output(x, window).gain[0] for window in windows if window is not None])
+    assert 100 < np.nanmax(gains) < np.inf
+    for limit in (None, 1.5, 20.0):
+        found = differentiate(x, 15, degree=3, nan_policy="omit", max_gain=limit)
+        refused = gains > (100 if limit is None else limit)
+        assert refused.any()
+        np.testing.assert_array_equal(found, np.where(refused, np.nan, free))
+
+
+def test_shrunken_windows_at_both_ends_are_the_same_backwards() -> None:
+    rng = np.random.default_rng(11)
+    x = rng.standard_normal(60)
+    for length, degree in [(21, 2), (21, 4), (25, 5)]:
+        for missing in ([], [3, 30, 57]):
+            x[missing] = np.nan
+            call: dict[str, Any] = {"degree": degree, "edge_window": "shrink", "nan_policy": "omit"}
+            found = differentiate(x, length, **call, return_support=True)
+            back = differentiate(x[::-1], length, **call, return_support=True)
+            np.testing.assert_array_equal(found.support, back.support[::-1])
+            scale = 1e-12 * np.abs(Differentiator(2 * degree + 1, degree=degree, tau="newest").weights).sum() * 5
+            np.testing.assert_allclose(found.estimate, -back.estimate[::-1], rtol=0, atol=10 * scale)
+            # Less bias: no sample farther away than half the window.
+            assert found.support[-1] <= 2 * degree + 1
+
+
+@pytest.mark.parametrize("tau", ["center", "root", "newest"])
+def test_what_else_is_asked_for_does_not_change_the_estimates(tau: str) -> None:
+    x = np.random.default_rng(12).standard_normal(80)
+    x[[40, 41]] = np.nan
+    design = Differentiator(21, kappa=2.0, tau=tau)
+    plain = design(x, nan_policy="omit")
+    asked: list[dict[str, Any]] = [{"sigma": 2.0}, {"sigma": np.full(80, 2.0)}, {"autocovariance": [4.0, 1.0]}, {}]
+    for more in asked:
+        found = design(x, nan_policy="omit", return_std=True, return_bias=True, return_support=True, **more)
+        # What is asked for may be computed in another way, but is the same fit.
+        np.testing.assert_allclose(found.estimate, plain, rtol=0, atol=1e-12 * np.abs(design.weights).sum() * 50)
+
+
+@pytest.mark.parametrize("exponent", [-0.5, -0.9, -0.99])
+@pytest.mark.parametrize("length", [10, 30, 57])
+def test_the_weight_of_the_outermost_samples_is_not_left_to_rounding(length: int, exponent: float) -> None:
+    # Their cell ends where the window does, and the mean of s^e over it hangs on where exactly that is: a rounding of
+    # 1e-17 would change it by 1e-17^(1 + e), which is 2% of it for e = -0.9.
+    x = np.random.default_rng(13).standard_normal(4 * length)
+    x[2 * length] = np.nan
+    for name in ("kappa", "mu"):
+        words: dict[str, Any] = {"window_length": length, "deriv": 1, "degree": 2, "kappa": 0.5, "mu": 0.5, "tau": 0.4}
+        words[name] = exponent
+        for more in ({}, {"weights": np.ones(4 * length)}):
+            found = differentiate(x, nan_policy="omit", return_support=True, **words, **more)
+            assert_fits(twin(words, **more), x, found, range(0, 4 * length, 3))
