@@ -47,6 +47,7 @@ class Output(NamedTuple):
     bias: Array
     bias_weights: Array
     condition: float
+    loss: float
     samples: Array
 
 
@@ -238,7 +239,19 @@ class Twin:
         values = np.where(used, samples, 0.0)
         estimate = weights @ values * allowed
         bias = estimate - further @ values
-        return Output(estimate, weights, support, gain / limit, bias, further, condition, samples[used])
+        return Output(estimate, weights, support, gain / limit, bias, further, condition, self.loss(window, used), samples[used])
+
+    def loss(self, window: Window, used: npt.NDArray[np.bool_]) -> float:
+        """Return by what a fit loses if it is that of the whole even window with samples taken out.
+
+        On the polynomials that are orthonormal on the whole window its system is G = I - Q_gone^T Q_gone, which amplifies
+        rounding by the norm of its inverse. The library fits anew where a pivot of G falls below 1e-3.
+        """
+        if self.t is not None or self.weights is not None or used.all() or used.sum() <= self.degree:
+            return 1.0
+        weight = density(window.s, window.half, self.kappa) * density(1 - window.s, window.half, self.mu)
+        q = np.linalg.qr(legendre.legvander(2 * window.s - 1, self.degree) * np.sqrt(weight)[:, None])[0]
+        return float(min(np.linalg.norm(q[used], -2) ** -2, 1e3))
 
     def evenly(self, order: int, at: float) -> Array:
         """Return the weights for T = 1 of the whole window, evenly filled."""
@@ -305,7 +318,7 @@ def assert_fits(one: Twin, x: Array, found: algdiff.Estimates, only: Any, beyond
             if got is not None:
                 error = np.abs(got[:, i] - value)
                 good = (error <= allowed) | (np.isnan(got[:, i]) & np.isnan(value))
-                assert good[decided].all(), (i, got[:, i], value, error / allowed, wanted)
+                assert good[decided].all(), (i, got[:, i], value, error / allowed, window)
         numbers += int(np.isfinite(wanted.estimate).sum())
     return numbers
 
@@ -330,7 +343,7 @@ def assert_exact(one: Twin, x: Array, estimate: Array, p: Polynomial, t: Array, 
     sum with the samples errs by `sum_bound`, as does what is left of the samples' own rounding. Those places, and the
     point of the estimate, lie off by a few eps of their distance from the first sample, that is of max|t - t_0|, which
     moves the samples by as much as the slope of p makes of it. `sum_bound` counts length + 8 eps; a design may add 64,
-    see `test_weights`.
+    see `test_weights`; and `Twin.loss` says what taking samples out of it costs.
     """
     windows, numbers, distance = one.windows(len(x)), 0, float(np.ptp(t))
     times = t if one.at is None else one.at
@@ -349,12 +362,13 @@ def assert_exact(one: Twin, x: Array, estimate: Array, p: Polynomial, t: Array, 
             if abs(wanted.gain[k] - 1) < 1e-6:
                 continue
             if np.isnan(wanted.estimate[k]):
-                assert np.isnan(estimate[k, i]), (i, order, estimate[k, i], wanted)
+                assert np.isnan(estimate[k, i]), (i, order, estimate[k, i], window)
                 continue
             true, weights = p(place, order), wanted.weights[k][there]
-            bound = sum_bound(weights, wanted.samples, eps) * (1 + 64 / len(weights))
+            bound = sum_bound(weights, wanted.samples, eps)
+            bound += sum_bound(weights, wanted.samples) * (64 / len(weights) + wanted.loss)
             bound += 8 * EPS * size[k] * slope * distance + eps * float(abs(true))
             error = abs(float(estimate[k, i] - true))
-            assert error <= bound, (i, order, estimate[k, i], true, error / bound, wanted)
+            assert error <= bound, (i, order, estimate[k, i], true, error / bound, window)
             numbers += 1
     return numbers

@@ -208,8 +208,11 @@ def test_windows_of_too_few_samples_give_none() -> None:
     assert found.support[19] == 4
     assert np.isfinite(found.estimate).all()
     for least in (5, 9):
-        limited = differentiate(x, 9, degree=3, nan_policy="omit", min_support=least, max_gain=np.inf)
-        np.testing.assert_array_equal(limited, np.where(found.support >= least, found.estimate, np.nan))
+        call: dict[str, Any] = {"degree": 3, "nan_policy": "omit", "min_support": least, "max_gain": np.inf}
+        limited = differentiate(x, 9, return_support=True, **call)
+        np.testing.assert_array_equal(limited.support, found.support)
+        np.testing.assert_array_equal(limited.estimate, np.where(found.support >= least, found.estimate, np.nan))
+        np.testing.assert_array_equal(np.isnan(differentiate(x, 9, **call)), found.support < least)
 
 
 def test_no_window_holds_more_samples_than_it_has() -> None:
@@ -225,15 +228,29 @@ def test_fits_that_gaps_make_noisy_give_none() -> None:
     x = np.random.default_rng(10).standard_normal(60)
     x[28:38] = np.nan
     words: dict[str, Any] = {"window_length": 15, "deriv": 1, "degree": 3, "kappa": 1.0, "mu": 1.0, "tau": "center"}
-    one, free = twin(words, max_gain=1.0), differentiate(x, 15, degree=3, nan_policy="omit", max_gain=np.inf)
+    call: dict[str, Any] = {"degree": 3, "nan_policy": "omit", "return_support": True}
+    one, free = twin(words, max_gain=1.0), differentiate(x, 15, max_gain=np.inf, **call).estimate
     windows = one.windows(60)
     gains = np.array([one.output(x, window).gain[0] for window in windows if window is not None])
     assert 100 < np.nanmax(gains) < np.inf
     for limit in (None, 1.5, 20.0):
-        found = differentiate(x, 15, degree=3, nan_policy="omit", max_gain=limit)
         refused = gains > (100 if limit is None else limit)
         assert refused.any()
+        found = differentiate(x, 15, max_gain=limit, **call).estimate
         np.testing.assert_array_equal(found, np.where(refused, np.nan, free))
+        found = differentiate(x, 15, degree=3, nan_policy="omit", max_gain=limit)
+        np.testing.assert_array_equal(np.isnan(found), refused)
+
+
+def test_an_order_that_is_refused_or_hard_does_not_cost_the_others() -> None:
+    x = np.arange(40.0) ** 2
+    x[[20, 22, 23]] = np.nan
+    for orders in [(0, 1, 2), (1, 0, 2), (2, 1, 0)]:
+        many, single = differentiate(x, 7, orders, degree=3, nan_policy="omit"), []
+        for order in orders:
+            single.append(differentiate(x, 7, order, degree=3, nan_policy="omit"))
+        np.testing.assert_array_equal(np.isnan(many), np.isnan(single))
+        np.testing.assert_allclose(many, single, rtol=0, atol=1e-9)  # of samples up to 1521, and |w| up to 20
 
 
 def test_shrunken_windows_at_both_ends_are_the_same_backwards() -> None:

@@ -222,14 +222,14 @@ def placed(design: Differentiator, stamps: Stamps | None, samples: int, wish: Wi
             return design, windows
         if windows.duration is None:
             raise ValueError("delay must come with even t or with window_duration, got uneven t: say tau")
-        return _changed(design, delay=None, tau=1 - design._asked["delay"] / windows.duration), windows
+        return design._changed(delay=None, tau=1 - design._asked["delay"] / windows.duration), windows
     changes: dict[str, Any] = {}
     if step != design.delta:
         changes |= {"delta": step} if delayed else {"delta": step, "tau": design.tau}
     if wish.window_duration is not None:
         changes["window_length"] = max(round(duration("window_duration", wish.window_duration) / step), 1)
     if changes:
-        design = _changed(design, **changes)
+        design = design._changed(**changes)
     if wish.at is None:
         return design, Windows()
     if stamps is not None:
@@ -238,13 +238,6 @@ def placed(design: Differentiator, stamps: Stamps | None, samples: int, wish: Wi
     if len(shape) != 1 or not np.isfinite(at).all():
         raise ValueError(f"at must be a one-dimensional array of finite times, got {wish.at!r}")
     return design, Windows(design.delta * np.arange(samples, dtype=np.float64), at)
-
-
-def _changed(design: Differentiator, **changes: Any) -> Differentiator:
-    """Return a design with other arguments, which has been warned of already."""
-    changed = object.__new__(type(design))
-    changed._set({**design._asked, **changes})
-    return changed
 
 
 def _uneven(stamps: Stamps, wish: Wish) -> Windows:

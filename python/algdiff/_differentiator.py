@@ -465,6 +465,12 @@ class Differentiator(Wishes, Filter):
                 values[replaced] = None
         return Differentiator(**{**values, **changes})
 
+    def _changed(self, **changes: Any) -> Differentiator:
+        """Return a design with other arguments, of which was warned already."""
+        changed = object.__new__(Differentiator)
+        changed._set({**self._asked, **changes})
+        return changed
+
     _names = ("window_length", "deriv", "degree", "kappa", "mu", "tau", "delta", "rule", "trim")
 
     @property

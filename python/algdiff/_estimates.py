@@ -17,6 +17,7 @@ from algdiff import _threads as threads_of
 from algdiff._arguments import Progress, Samples
 from algdiff._core import Bank, Fits, Plan
 from algdiff._data import Data
+from algdiff._jitter import corrected
 from algdiff._layout import around
 from algdiff._results import Estimates
 from algdiff._run import run
@@ -55,6 +56,10 @@ class _Job:
         """Return the estimates, and what else is asked for."""
         # Every estimate is a fit of its own where no window is like another.
         uneven = self.data.windows.times is not None or self.data.weights is not None
+        if uneven and not self.more:
+            estimate = corrected(self.data, values, self.call, self.wish)
+            if estimate is not None:
+                return Estimates(estimate)
         return self.fitted(values) if uneven or self.data.level is not None else self.slid(values)
 
     def fitted(self, values: Samples) -> Estimates:
