@@ -2,7 +2,7 @@
 
 It is written from the definition alone. Every estimate is a derivative, at one point, of the polynomial of `degree`
 fitted by weighted least squares to the samples of its window that are there: `Twin.windows` says where the windows lie,
-and `Twin.output` fits one, by `numpy.linalg.lstsq`, to all unit samples at once, which gives its weights. Places are
+and `Twin.output` fits one, by the pseudo-inverse of its weighted Legendre matrix, which gives its weights. Places are
 `s` in [0, 1], as in `reference.py`.
 """
 
@@ -69,7 +69,8 @@ def fit_weights(s: Array, root: Array, degree: int, order: int, at: float) -> tu
     """
     middle, half = (s.min() + s.max()) / 2, (s.max() - s.min()) / 2 or 1.0
     matrix = legendre.legvander((s - middle) / half, degree) * root[:, None]
-    coefficients, _, _, singular = np.linalg.lstsq(matrix, np.diag(root), rcond=None)
+    u, singular, vt = np.linalg.svd(matrix, full_matrices=False)
+    coefficients = vt.T / singular @ u.T * root  # of the unit samples: the pseudo-inverse
     derived = legendre.legder(np.eye(degree + 1), order) if order else np.eye(degree + 1)
     weights = legendre.legval((at - middle) / half, derived) / half**order @ coefficients
     return weights, float(singular[0] / singular[-1])
@@ -239,13 +240,15 @@ class Twin:
         values = np.where(used, samples, 0.0)
         estimate = weights @ values * allowed
         bias = estimate - further @ values
-        return Output(estimate, weights, support, gain / limit, bias, further, condition, self.loss(window, used), samples[used])
+        return Output(
+            estimate, weights, support, gain / limit, bias, further, condition, self.loss(window, used), samples[used]
+        )
 
     def loss(self, window: Window, used: npt.NDArray[np.bool_]) -> float:
         """Return by what a fit loses if it is that of the whole even window with samples taken out.
 
-        On the polynomials that are orthonormal on the whole window its system is G = I - Q_gone^T Q_gone, which amplifies
-        rounding by the norm of its inverse. The library fits anew where a pivot of G falls below 1e-3.
+        On the polynomials that are orthonormal on the whole window its system is G = I - Q_gone^T Q_gone, which
+        amplifies rounding by the norm of its inverse. The library fits anew where a pivot of G falls below 1e-3.
         """
         if self.t is not None or self.weights is not None or used.all() or used.sum() <= self.degree:
             return 1.0
@@ -297,7 +300,7 @@ def assert_fits(one: Twin, x: Array, found: algdiff.Estimates, only: Any, beyond
     """Compare a row of results with the twin's; return how many of the estimates were numbers.
 
     They must agree to 1e-9 of sum|w| max|x|, by about an eps of which rounding moves an estimate, or by as many eps of
-    it as the matrix of the twin has condition: `lstsq` loses that many, which is more for a few windows of clusters.
+    it as the matrix of the twin has condition: that many are lost, which is more for a few windows of clusters.
     """
     windows, numbers = one.windows(len(x)), 0
     estimate, bias = by_order(found.estimate, one), by_order(found.bias, one)
@@ -356,7 +359,7 @@ def assert_exact(one: Twin, x: Array, estimate: Array, p: Polynomial, t: Array, 
         wanted, place = one.output(x, window), times[min(i, len(times) - 1)]
         if one.mode == "valid":
             place = t[window.index[0]] + (window.at - window.s[0]) * np.longdouble(window.duration)
-        size, slope = np.abs(wanted.weights).sum(axis=1), float(np.abs(p(t[window.index], 1)).max())
+        size, slope = np.abs(wanted.weights).sum(axis=1), float(np.abs(p(t[window.index], 1)).max(initial=0))
         there = ~np.isnan(x[window.index])
         for k, order in enumerate(one.orders):
             if abs(wanted.gain[k] - 1) < 1e-6:

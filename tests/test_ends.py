@@ -117,6 +117,18 @@ def test_the_ends_mirror_each_other(side: int, order: int) -> None:
         np.testing.assert_allclose(plain.std, turned.std[:, ::-1], rtol=100 * conditioning(L, order + 2, 1, 1) * EPS)
 
 
+def test_the_last_sample_costs_what_its_tau_costs() -> None:
+    rounding = 100 * conditioning(L, 3, 1, 1) * EPS
+    one = design(L, (0, 1, 2), degree=3)
+    std = one(np.zeros(N), return_std=True, sigma=1.0).std
+    middle = design(L, (0, 1, 2), degree=3).noise_gain
+    last = design(L, (0, 1, 2), degree=3, tau=1 - 0.5 / L).noise_gain
+    np.testing.assert_allclose(std[:, N // 2], np.sqrt(middle), rtol=rounding)
+    np.testing.assert_allclose(std[:, -1], np.sqrt(last), rtol=rounding)
+    np.testing.assert_allclose(std[:, 0], std[:, -1], rtol=rounding)
+    assert (std[:, -1] > 2 * std[:, N // 2]).all()
+
+
 @pytest.mark.parametrize("tau", [0.5, "newest", 0.3])
 @pytest.mark.parametrize(("degree", "min_support"), [(2, None), (2, 8), (5, None), (6, None)])
 def test_shrunken_windows_hold_as_many_samples_as_fit(tau: float | str, degree: int, min_support: int | None) -> None:

@@ -1,6 +1,8 @@
 //! Every estimate by a fit of its own: where samples are missing, unevenly spaced or of unequal weight, and where the error of
 //! each estimate is wanted.
 
+use pulp::Arch;
+
 use crate::control::Control;
 use crate::ends::Mode;
 use crate::engine::Sample;
@@ -229,6 +231,7 @@ struct Memory {
     /// The window that the weights are of, if none of its samples was missing; and whether they reach the higher degree.
     fitted: Option<Window>,
     reaches: bool,
+    arch: Arch,
 }
 
 /// An estimate, in the unit of `u`.
@@ -454,7 +457,7 @@ impl<T: Sample> Work<'_, '_, T> {
         let memory = &mut *self.memory;
         let (places, base) = (&memory.places[..window.count], &memory.base[..window.count]);
         memory.sheet.places.as_flattened_mut().iter_mut().zip(places).for_each(|(u, s)| *u = 2.0 * s - 1.0);
-        memory.sheet.root.as_flattened_mut().iter_mut().zip(base).for_each(|(root, weight)| *root = weight.sqrt());
+        memory.sheet.weights.as_flattened_mut()[..window.count].copy_from_slice(base);
         Ok(())
     }
 
@@ -463,10 +466,10 @@ impl<T: Sample> Work<'_, '_, T> {
         let memory = &*self.memory;
         let blocks = window.count.div_ceil(SIDE);
         let (z, weights) = (&memory.z[..blocks], &memory.weights[index * blocks..][..blocks]);
-        let [value, gain] = dots(weights, [z, weights]);
+        let [value, gain] = dots(memory.arch, weights, [z, weights]);
         let mut more = 0.0;
         if !self.piece.bias.is_empty() {
-            let [sum] = dots(&memory.more[index * blocks..][..blocks], [z]);
+            let [sum] = dots(memory.arch, &memory.more[index * blocks..][..blocks], [z]);
             more = if memory.reaches { sum } else { f64::NAN };
         }
         if !self.bounded(index, gain) {
@@ -484,7 +487,7 @@ impl<T: Sample> Work<'_, '_, T> {
             return self.folded_variance(&weights.as_flattened()[..window.count], row, window);
         }
         match self.fits.noise {
-            Noise::Unit => dots(weights, [weights])[0],
+            Noise::Unit => dots(self.memory.arch, weights, [weights])[0],
             Noise::Level(level) => {
                 let flat = weights.as_flattened()[..window.count].iter().zip(window.start..);
                 // A missing sample may have no level.

@@ -14,6 +14,8 @@ pub mod bulk;
 
 use std::ops::Range;
 
+use pulp::Arch;
+
 use crate::error::{Error, try_vec};
 use crate::local::{Block, Model, SIDE, Sheet, dots};
 
@@ -66,14 +68,14 @@ impl Whole {
         places.iter_mut().zip(kept.start..).for_each(|(s, j)| *s = (j as f64 + 0.5) / length);
         let mut root = try_vec(span, 0.0)?;
         model.base(&places, 0.5 / length, &mut root);
-        root.iter_mut().for_each(|weight| *weight = weight.sqrt());
         let mut sheet = Sheet::default();
         // Where the window is too short for the bias, the rest of it is still good.
         sheet.prepare(span, model.beyond)?;
-        for (k, (s, root)) in places.iter().zip(&root).enumerate() {
+        for (k, (s, weight)) in places.iter().zip(&root).enumerate() {
             sheet.places.as_flattened_mut()[k] = 2.0 * s - 1.0;
-            sheet.root.as_flattened_mut()[k] = *root;
+            sheet.weights.as_flattened_mut()[k] = *weight;
         }
+        root.iter_mut().for_each(|weight| *weight = weight.sqrt());
         let blocks = sheet.blocks();
         let complete = sheet.orthonormalise();
         if !complete {
@@ -89,7 +91,7 @@ impl Whole {
         let size = if complete { size } else { model.degree + 1 };
         let mut functionals = try_vec(blocks.saturating_mul(size), [0.0; SIDE])?;
         for (m, column) in functionals.chunks_exact_mut(blocks).enumerate() {
-            for ((to, q), root) in column.iter_mut().zip(sheet.column(m)).zip(&sheet.root) {
+            for ((to, q), root) in column.iter_mut().zip(sheet.column(m)).zip(sheet.root()) {
                 to.iter_mut().zip(q.iter().zip(root)).for_each(|(to, (q, root))| *to = q * root);
             }
         }
@@ -100,11 +102,11 @@ impl Whole {
                 rows.iter_mut().zip(sheet.column(m).as_flattened()).for_each(|(row, value)| row[m] = *value);
             }
         }
-        let fitted = model.degree + 1;
+        let (fitted, arch) = (model.degree + 1, Arch::new());
         let mut spread = vec![0.0; fitted * fitted];
         for (m, row) in spread.chunks_exact_mut(fitted).enumerate() {
             for (k, value) in row.iter_mut().enumerate() {
-                [*value] = dots(&functionals[m * blocks..][..blocks], [&functionals[k * blocks..][..blocks]]);
+                [*value] = dots(arch, &functionals[m * blocks..][..blocks], [&functionals[k * blocks..][..blocks]]);
             }
         }
         let degree = model.degree;
@@ -177,7 +179,7 @@ impl Whole {
             }
         }
         for (sum, column) in refit.sums.iter_mut().zip(self.functionals.chunks_exact(blocks)) {
-            [*sum] = dots(column, [z]);
+            [*sum] = dots(refit.arch, column, [z]);
         }
         refit.factorise(size)
     }
@@ -223,6 +225,7 @@ pub struct Refit {
     g: [Block; SIDE],
     sums: Block,
     solution: Block,
+    arch: Arch,
 }
 
 impl Refit {
@@ -276,7 +279,7 @@ mod tests {
         sheet.prepare(whole.span(), model.degree).expect("small");
         for (k, (s, root)) in whole.places.iter().zip(&whole.root).enumerate() {
             sheet.places.as_flattened_mut()[k] = 2.0 * s - 1.0;
-            sheet.root.as_flattened_mut()[k] = if missing.contains(&k) { 0.0 } else { *root };
+            sheet.weights.as_flattened_mut()[k] = if missing.contains(&k) { 0.0 } else { root * root };
         }
         assert!(sheet.orthonormalise());
         let mut values = Vec::new();

@@ -46,13 +46,12 @@ pub struct Model {
 impl Model {
     /// The Jacobi weight at the places, up to a factor, into `base`; `half` is half the width of the cell of a sample, over
     /// which negative exponents are averaged.
-    #[inline(always)]
     pub(crate) fn base(&self, places: &[f64], half: f64, base: &mut [f64]) {
         let Jacobi { alpha, beta } = self.family;
         if alpha.max(beta) <= POWERS {
-            for (weight, &s) in base.iter_mut().zip(places) {
-                *weight = power(s, half, alpha) * power(1.0 - s, half, beta);
-            }
+            base.fill(1.0);
+            multiply_by_power(base, places, half, alpha, |s| s);
+            multiply_by_power(base, places, half, beta, |s| 1.0 - s);
             return;
         }
         let mut peak = f64::NEG_INFINITY;
@@ -69,18 +68,19 @@ impl Model {
     }
 }
 
-/// `s^exponent`, or for a negative exponent its mean over the cell around `s`, as far as that lies in the window.
-#[inline(always)]
-fn power(s: f64, half: f64, exponent: f64) -> f64 {
+/// Multiplies by `from_end(s)^exponent`, or for a negative exponent by its mean over the cell around `s`, as far as that lies in
+/// the window.
+fn multiply_by_power(base: &mut [f64], places: &[f64], half: f64, exponent: f64, from_end: impl Fn(f64) -> f64) {
+    let ends = base.iter_mut().zip(places.iter().map(|&s| from_end(s)));
     if exponent == 0.0 {
-        1.0
     } else if exponent == 1.0 {
-        s.max(0.0)
-    } else if exponent > 0.0 {
-        let s = s.max(0.0);
-        if exponent.fract() == 0.0 { s.powi(exponent as i32) } else { s.powf(exponent) }
+        ends.for_each(|(weight, s)| *weight *= s.max(0.0));
+    } else if exponent < 0.0 {
+        ends.for_each(|(weight, s)| *weight *= ln_cell(s, half, exponent).exp());
+    } else if exponent.fract() == 0.0 {
+        ends.for_each(|(weight, s)| *weight *= s.max(0.0).powi(exponent as i32));
     } else {
-        ln_cell(s, half, exponent).exp()
+        ends.for_each(|(weight, s)| *weight *= s.max(0.0).powf(exponent));
     }
 }
 
@@ -99,14 +99,19 @@ pub(crate) struct Sheet {
     blocks: usize,
     /// `u` of the samples, 0 in the padding.
     pub places: Vec<Block>,
-    /// Square roots of the weights: 0 where there is no sample.
-    pub root: Vec<Block>,
+    /// The weights, 0 where there is no sample.
+    pub weights: Vec<Block>,
+    /// Their square roots.
+    root: Vec<Block>,
     /// `sqrt(W) q_m`, one column of blocks after another.
     basis: Vec<Block>,
     /// `h`, row by row, and the norms `h_{m+1}`.
     recurrence: Vec<f64>,
     norms: Vec<f64>,
+    /// What the first orthogonalisation leaves.
+    rest: Vec<f64>,
     degree: usize,
+    arch: Arch,
 }
 
 impl Sheet {
@@ -115,14 +120,21 @@ impl Sheet {
         (self.blocks, self.degree) = (samples.div_ceil(SIDE), degree);
         let size = degree + 1;
         at_least(&mut self.places, self.blocks)?;
+        at_least(&mut self.weights, self.blocks)?;
         at_least(&mut self.root, self.blocks)?;
         at_least(&mut self.basis, self.blocks.saturating_mul(size))?;
         at_least(&mut self.recurrence, size * size)?;
         at_least(&mut self.norms, size)?;
-        for column in [&mut self.places, &mut self.root] {
+        at_least(&mut self.rest, size)?;
+        for column in [&mut self.places, &mut self.weights] {
             column[..self.blocks].as_flattened_mut()[samples..].fill(0.0);
         }
         Ok(())
+    }
+
+    /// Square roots of the weights, once the polynomials are found.
+    pub fn root(&self) -> &[Block] {
+        &self.root[..self.blocks]
     }
 
     /// Polynomials.
@@ -143,7 +155,8 @@ impl Sheet {
 
     /// Finds the orthonormal polynomials; false if there are too few samples for the degree.
     pub fn orthonormalise(&mut self) -> bool {
-        Arch::new().dispatch(Orthonormalise(self))
+        let arch = self.arch;
+        arch.dispatch(Orthonormalise(self))
     }
 
     /// The polynomials' values and derivatives at `u`, up to the order `highest`: `values[order * size + m]` is
@@ -170,7 +183,7 @@ impl Sheet {
 
     /// The weights of the samples in an estimate with these moments, from the one with `moments[0] = q_first^(n)(u)` on.
     pub fn weigh(&self, first: usize, moments: &[f64], weights: &mut [Block]) {
-        Arch::new().dispatch(Weigh { sheet: self, first, moments, weights });
+        self.arch.dispatch(Weigh { sheet: self, first, moments, weights });
     }
 }
 
@@ -183,7 +196,12 @@ impl WithSimd for Orthonormalise<'_> {
     fn with_simd<S: Simd>(self, simd: S) -> bool {
         let sheet = self.0;
         let (blocks, size) = (sheet.blocks, sheet.degree + 1);
-        let (places, root) = (registers::<S>(&sheet.places[..blocks]), registers::<S>(&sheet.root[..blocks]));
+        let places = registers::<S>(&sheet.places[..blocks]);
+        let weights = registers::<S>(&sheet.weights[..blocks]);
+        for (root, weight) in registers_mut::<S>(&mut sheet.root[..blocks]).iter_mut().zip(weights) {
+            *root = simd.sqrt_f64s(*weight);
+        }
+        let root = registers::<S>(&sheet.root[..blocks]);
         let mass = product(simd, root, root);
         if !mass.is_finite() || mass <= 0.0 {
             return false;
@@ -209,11 +227,13 @@ impl WithSimd for Orthonormalise<'_> {
                 h[m - 1] = sheet.norms[m];
                 add(simd, next, registers::<S>(&done[(m - 1) * blocks..][..blocks]), -h[m - 1]);
             }
-            for (column, h) in done.chunks_exact(blocks).zip(h.iter_mut()) {
-                let column = registers::<S>(column);
-                let rest = product(simd, next, column);
-                add(simd, next, column, -rest);
-                *h += rest;
+            let rest = &mut sheet.rest[..=m];
+            for (column, rest) in done.chunks_exact(blocks).zip(rest.iter_mut()) {
+                *rest = product(simd, next, registers::<S>(column));
+            }
+            for ((column, rest), h) in done.chunks_exact(blocks).zip(rest).zip(h.iter_mut()) {
+                add(simd, next, registers::<S>(column), -*rest);
+                *h += *rest;
             }
             let norm = product(simd, next, next).sqrt();
             if norm.is_nan() || norm <= VANISHES {
@@ -273,8 +293,8 @@ impl<const N: usize> WithSimd for Products<'_, N> {
 }
 
 /// The sums of the products of `a` with each of `others`.
-pub(crate) fn dots<const N: usize>(a: &[Block], others: [&[Block]; N]) -> [f64; N] {
-    Arch::new().dispatch(Products { a, others })
+pub(crate) fn dots<const N: usize>(arch: Arch, a: &[Block], others: [&[Block]; N]) -> [f64; N] {
+    arch.dispatch(Products { a, others })
 }
 
 #[inline(always)]
@@ -323,7 +343,7 @@ mod tests {
         model.base(places, 0.0, &mut base);
         for (k, (s, weight)) in places.iter().zip(base).enumerate() {
             sheet.places.as_flattened_mut()[k] = 2.0 * s - 1.0;
-            sheet.root.as_flattened_mut()[k] = weight.sqrt();
+            sheet.weights.as_flattened_mut()[k] = weight;
         }
         sheet
     }
@@ -340,7 +360,7 @@ mod tests {
             assert!(sheet.orthonormalise());
             for m in 0..=degree {
                 for k in 0..=m {
-                    let [product] = dots(sheet.column(m), [sheet.column(k)]);
+                    let [product] = dots(Arch::new(), sheet.column(m), [sheet.column(k)]);
                     let wanted = if m == k { 1.0 } else { 0.0 };
                     assert!((product - wanted).abs() < 1e-14, "{count} {degree}: {m} {k} {product}");
                 }
@@ -356,7 +376,7 @@ mod tests {
         let mut values = Vec::new();
         sheet.derive(2.0 * places[7] - 1.0, 2, &mut values).expect("small");
         for (m, value) in values.iter().enumerate().take(5) {
-            let on_sample = sheet.column(m).as_flattened()[7] / sheet.root.as_flattened()[7];
+            let on_sample = sheet.column(m).as_flattened()[7] / sheet.root().as_flattened()[7];
             assert!((value - on_sample).abs() < 1e-12 * on_sample.abs().max(1.0));
         }
         let u = 0.3;
