@@ -151,11 +151,12 @@ class Twin:
             return None
         if self.shrink:
             least = min(max(self.least, 2 * self.degree + 1), length)
-            for length in range(self.length - 1, least - 1, -1):
+            while length >= least + 2:
+                length -= 2
                 start = i - math.floor(self.point * length + 1e-9)
                 if 0 <= start <= n - length:
                     return self.counted(n, start, length, length, i)
-            start, count, length = i - math.floor(self.point * least + 1e-9), least, least
+            start, count = i - math.floor(self.point * length + 1e-9), length
         return self.counted(n, min(max(start, 0), n - count), count, length, i, sliding=False)
 
     def counted(self, n: int, start: int, count: int, length: int, i: int | None, *, sliding: bool = True) -> Window:

@@ -91,6 +91,10 @@ def test_where_a_sample_is_missing_the_turn_is_that_of_the_last_one() -> None:
     found = differentiate(x, 11, 0, period=TURN, nan_policy="omit", at=at)
     wanted = np.interp(at, np.arange(120), whole) - turns[[10, 40, 78]]
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12)
+    cut = np.flatnonzero(np.diff(turns))  # half way between two samples the newer one says which turn
+    found = differentiate(x, 11, 0, period=TURN, nan_policy="omit", at=cut + 0.5)
+    wanted = np.interp(cut + 0.5, np.arange(120), whole) - turns[cut + 1]
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12)
 
 
 def test_missing_angles_spread_as_other_samples_do() -> None:

@@ -116,7 +116,10 @@ def test_the_difference_has_the_size_of_the_noise_where_the_signal_is_slow(ecg: 
         found.std[:, chosen], np.linalg.norm(partial, axis=-1).T * sigma, rtol=1e4 * length * EPS
     )
     off = np.abs(found.estimate - one(ecg))[:, chosen]
-    rms = np.sqrt(np.mean((off / (np.linalg.norm(partial - whole, axis=-1).T * sigma)) ** 2, axis=1))
+    expected = np.linalg.norm(partial - whole, axis=-1).T * sigma
+    # Where the missing sample had no weight, as that at the center of a slope, all that differs is rounding.
+    counts = expected > 1e-6 * found.std[:, chosen]
+    rms = np.sqrt(np.mean((off / expected) ** 2, axis=1, where=counts))
     beyond = (off > 4 * found.std[:, chosen]).sum(axis=1)
     print(f"sigma {sigma:.4f}, rms {rms}, beyond 4 std {beyond} of {chosen.sum()}")
     assert (np.abs(rms - 1) < 1 / 3).all()

@@ -138,9 +138,10 @@ def test_shrunken_windows_hold_as_many_samples_as_fit(tau: float | str, degree: 
     full = one(x, return_std=True, sigma=1.0)
     least = min(max(min_support or degree + 1, 2 * degree + 1), L)
     for i in range(N):
-        starts = {n: i - int(one.tau * n + 1e-9) for n in range(L - 1, least - 1, -1)}
+        # As odd or even as the whole window.
+        starts = {n: i - int(one.tau * n + 1e-9) for n in range(L, least - 1, -2)}
         counts = [L] if inside(one, i) else [n for n, start in starts.items() if 0 <= start <= N - n]
-        count = counts[0] if counts else least
+        count = counts[0] if counts else min(starts)
         assert found.support[i] == count
         start = min(max(i - int(one.tau * count + 1e-9), 0), N - count)
         if inside(one, i):

@@ -91,7 +91,8 @@ def test_std_is_the_norm_of_the_weights(length: int, deriv: Any, tau: float | st
     weights = weights.reshape(-1, *weights.shape[-2:])
     missing = np.isnan(found.estimate.reshape(weights.shape)[0]).all(axis=-1)
     assert found.support is not None
-    assert (found.support[~missing, 0] >= (np.abs(weights[0]) > 0).sum(axis=-1)[~missing]).all()
+    used = np.abs(weights[0]) > bound() * np.abs(weights[0]).max()
+    assert (found.support[~missing, 0] >= used.sum(axis=-1)[~missing]).all()
     if gaps:
         assert not weights[..., GAP].any()
         assert (found.support[~missing] < L + 3).all()
@@ -247,9 +248,9 @@ def test_bias_indicator_is_the_distance_to_the_next_degree(name: str, tau: float
     found = one(x, return_bias=True, **call)
     both = whole & ~np.isnan(found.bias) & ~np.isnan(further.estimate)
     assert both.sum() > 20
-    error = (
-        100 * conditioning(L, DEGREE + 2, 1, 1) * EPS * np.sqrt(L) * np.nanmax(np.abs(x)) * (found.std + further.std)
-    )
+    # Where the data are mirrored, the noise of an estimate may vanish, but not its rounding.
+    size = np.maximum(found.std, one.noise_gain**0.5) + further.std
+    error = 100 * conditioning(L, DEGREE + 2, 1, 1) * EPS * np.sqrt(L) * np.nanmax(np.abs(x)) * size
     assert (np.abs(found.estimate - further.estimate - found.bias) <= error)[both].all()
 
 
@@ -271,13 +272,6 @@ def test_bias_indicator_is_zero_on_polynomials(name: str) -> None:
 def test_bias_indicator_does_not_warn_of_a_degree_nobody_asked_for() -> None:
     # Degree 4 is modest for 9 samples, degree 6 is not.
     assert algdiff.differentiate(np.zeros(N), 9, 1, degree=4, return_bias=True).bias.shape == (N,)
-
-
-def test_min_support_is_what_every_window_must_hold() -> None:
-    x = np.random.default_rng(70).standard_normal(N)
-    for call in ({}, {"t": UNEVEN}, {"weights": SIGMA}, {"return_std": True, "sigma": SIGMA}):
-        found = algdiff.differentiate(x, L, 1, min_support=L + 1, return_support=True, **call)
-        assert np.isnan(found.estimate).all(), call
 
 
 def test_no_bias_indicator_where_the_next_degree_does_not_fit() -> None:

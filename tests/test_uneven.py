@@ -62,7 +62,8 @@ class Case:
         if rng.random() < 0.3:
             self.words["max_gain"] = words["max_gain"] = float(rng.choice([1.5, 10.0, 1e6, np.inf]))
         if rng.random() < 0.3:
-            self.words["min_support"] = words["min_support"] = words["degree"] + 1 + int(rng.integers(0, 5))
+            most = 5 if "duration" in kind else min(5, words["window_length"] - words["degree"])
+            self.words["min_support"] = words["min_support"] = words["degree"] + 1 + int(rng.integers(0, most))
         self.down = bool(rng.random() < 0.3)
         self.twin = twin(words, t=self.t)
 

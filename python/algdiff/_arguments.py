@@ -79,7 +79,7 @@ def axis_index(axis: object, ndim: int) -> int:
 
 def signal(name: str, values: ArrayLike) -> Samples:
     """Return `values` as an array of numbers of any type and layout, in place if they are one."""
-    array = _plain(name, values)
+    array = plain(name, values)
     if array.dtype.kind not in "fiubc":
         raise TypeError(f"{name} must hold real or complex numbers, got dtype {array.dtype}")
     if array.ndim == 0:
@@ -100,8 +100,8 @@ def working_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
     return np.dtype(np.float32 if dtype.kind == "f" and dtype.itemsize == 4 else np.float64)
 
 
-def _plain(name: str, values: ArrayLike) -> Samples:
-    """Return `values` as an array; refuse what would lose a mask or a unit."""
+def plain(name: str, values: ArrayLike) -> Samples:
+    """Return `values` as an array of any dtype; refuse what would lose a mask or a unit."""
     if isinstance(values, np.ma.MaskedArray):
         if np.ma.is_masked(values):
             raise TypeError(f"{name} is a masked array with masked values: fill them, or split {name} at the gaps")
@@ -118,7 +118,7 @@ def _plain(name: str, values: ArrayLike) -> Samples:
 
 def points(name: str, values: ArrayLike) -> tuple[Samples, tuple[int, ...]]:
     """Return `values` as a flat float64 array, and their shape."""
-    array = _plain(name, values)
+    array = plain(name, values)
     if array.dtype.kind not in "fiub":
         raise TypeError(f"{name} must be real numbers, got dtype {array.dtype}")
     with np.errstate(over="ignore"):

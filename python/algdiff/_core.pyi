@@ -129,11 +129,14 @@ class Fits:
         threads: int = 0,
         progress: Callable[[float], object] | None = None,
     ) -> None: ...
+    def gains(self, positions: NDArray[np.float64], ideal: bool, out: NDArray[np.float64]) -> None: ...
     def refill(
         self,
         x: NDArray[np.float64] | NDArray[np.float32],
-        out: NDArray[np.float64] | NDArray[np.float32],
         layout: tuple[int, int, int],
+        estimate: NDArray[np.float64] | NDArray[np.float32],
+        std: NDArray[np.float64] | NDArray[np.float32] | None = None,
+        support: NDArray[np.int64] | None = None,
         *,
         valid: bool = False,
         max_gain: float = ...,

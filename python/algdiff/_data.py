@@ -12,11 +12,15 @@ from algdiff import _arguments as arguments
 from algdiff._arguments import Samples
 from algdiff._noise import noise_level
 from algdiff._results import Estimates
-from algdiff._times import Stamps, duration, nearest, usual_step
+from algdiff._times import Stamps, duration, even_length, nearest, usual_step
 from algdiff._wish import Call, Windows, Wish, limits
 
 if TYPE_CHECKING:
     from algdiff._differentiator import Differentiator
+
+
+BLOCKS, BLOCK = 16, 4096
+"""How many blocks of how many samples the noise level of a long row is found from."""
 
 
 class Data:
@@ -43,6 +47,8 @@ class Data:
     def __init__(self, x: ArrayLike, design: Differentiator, call: Call, wish: Wish) -> None:
         self.masked = isinstance(x, np.ma.MaskedArray)
         given = arguments.signal("x", np.ma.getdata(x) if isinstance(x, np.ma.MaskedArray) else x)
+        if wish.period is not None and given.dtype.kind == "c":
+            raise TypeError("period must come with real samples, got complex ones")
         self.shape, self.axis = given.shape, arguments.axis_index(call.axis, given.ndim)
         self.dtype = arguments.working_dtype(given.dtype)
         self.samples = self.shape[self.axis]
@@ -56,7 +62,7 @@ class Data:
         mask = np.ma.getmaskarray(x) if isinstance(x, np.ma.MaskedArray) and np.ma.is_masked(x) else None
         values = self._floats(given, mask, wish)
         self.offsets = None if wish.period is None else _unwrap(values, wish.period)
-        cval = arguments.number("cval", call.cval)
+        cval = (arguments.number if given.dtype.kind == "c" else arguments.real)("cval", call.cval)
         parts = (
             [(values, cval.real)] if values.dtype.kind == "f" else [(values.real, cval.real), (values.imag, cval.imag)]
         )
@@ -105,7 +111,8 @@ class Data:
                 raise ValueError(f"sigma must be finite and not negative, got {sigma}")
             self.noise = sigma / math.sqrt(parts)
         elif wish.sigma is not None:
-            self.level = self._per_sample("sigma", wish.sigma) / math.sqrt(parts)
+            self.noise, self.level = _normal(self._per_sample("sigma", wish.sigma))
+            self.noise /= math.sqrt(parts)
         if wish.autocovariance is not None:
             covariance, shape = arguments.points("autocovariance", wish.autocovariance)
             if len(shape) != 1 or not shape[0] or not np.isfinite(covariance).all() or covariance[0] < 0:
@@ -113,7 +120,9 @@ class Data:
                     "autocovariance must hold finite covariances of samples 0, 1, ... apart, the first not negative, "
                     f"got {wish.autocovariance!r}"
                 )
-            self.autocovariance = covariance / parts
+            # Of variance 1: nothing overflows when squares are summed.
+            largest = float(np.abs(covariance).max()) or 1.0
+            self.autocovariance, self.noise = covariance / largest, math.sqrt(largest / parts)
 
     def _measure(self, values: Samples, wish: Wish, parts: int) -> None:
         """Find the level of the noise if it was not given."""
@@ -125,24 +134,24 @@ class Data:
             full = self.weights.reshape(along if self.weights.size == self.samples else self.shape)
             weights = full if self.weights.size == self.samples else np.moveaxis(full, self.axis, 0)
             weights = np.broadcast_to(weights, values.shape)
-            # The estimate is that of a sample of weight 1.
-            self.level = 1 / np.sqrt(np.where(self.weights > 0, self.weights, 1.0))
-        level = noise_level(values, t=self.windows.times, axis=0, weights=weights)
-        level = np.asarray(level) / math.sqrt(parts)
+        level = _typical_level(values, self.windows.times, weights) / math.sqrt(parts)
+        if self.weights is not None:
+            # The level is that of a sample of weight 1.
+            factor, self.level = _normal(1 / np.sqrt(np.where(self.weights > 0, self.weights, np.inf)))
+            level *= factor
         self.noise = np.expand_dims(level, self.axis) if self.shape[1:] else float(level)
 
     def _per_sample(self, name: str, given: ArrayLike) -> NDArray[np.float64]:
         """Return numbers for the samples of one row or of all, in the order of ascending times."""
-        array = np.asarray(given)
+        array = arguments.plain(name, given)
         if array.dtype.kind not in "fiub":
             raise TypeError(f"{name} must be real numbers, got dtype {array.dtype}")
         if array.shape not in {(self.samples,), self.shape}:
             raise ValueError(f"{name} must have shape {(self.samples,)} or that of x, {self.shape}, got {array.shape}")
         numbers = array.astype(np.float64)
         if not (np.isfinite(numbers).all() and (numbers >= 0).all()):
-            raise ValueError(
-                f"{name} must be finite and not negative, got {numbers[~(numbers >= 0)][:1] or 'infinity'}"
-            )
+            wrong = numbers[~(np.isfinite(numbers) & (numbers >= 0))]
+            raise ValueError(f"{name} must be finite and not negative, got {wrong[0]}")
         if array.shape == (self.samples,):
             reverse = self.stamps is not None and self.stamps.descending
             return np.ascontiguousarray(numbers[::-1] if reverse else numbers)
@@ -183,7 +192,8 @@ class Data:
         if one.support is not None:
             fields["support"] = self._given_order(one.support, one.support.dtype, leading=False)
         if call.out is not None:
-            call.out[...] = fields["estimate"]
+            if not np.may_share_memory(call.out, fields["estimate"]):
+                call.out[...] = fields["estimate"]
             fields["estimate"] = call.out
         if self.masked:
             gone = np.isnan(fields["estimate"])
@@ -211,6 +221,35 @@ class Data:
         estimate -= np.moveaxis(self.offsets[index], 0, self.axis)
 
 
+def _normal(levels: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    """Return the largest level, and all in units of it: nothing overflows when squares are summed."""
+    largest = float(levels.max(initial=0.0)) or 1.0
+    return largest, levels / largest
+
+
+def _typical_level(values: Samples, times: Samples | None, weights: Samples | None) -> NDArray[np.float64]:
+    """Return the noise level of every row; of long ones from blocks of samples spread over them."""
+    samples, parts = values.shape[0], [slice(None)]
+    if samples > 2 * BLOCKS * BLOCK:
+        parts = [slice(start, start + BLOCK) for start in np.linspace(0, samples - BLOCK, BLOCKS).astype(int)]
+    found = [
+        noise_level(
+            values[part],
+            t=None if times is None else times[part],
+            axis=0,
+            weights=None if weights is None else weights[part],
+        )
+        for part in parts
+    ]
+    if len(found) == 1:
+        return np.asarray(found[0], np.float64)
+    levels = np.asarray(found, np.float64)
+    largest = np.nanmax(levels, axis=0, initial=0.0)
+    scale = np.where(largest > 0, largest, 1.0)
+    there = np.maximum(np.isfinite(levels).sum(axis=0), 1)
+    return np.asarray(scale * np.sqrt(np.nansum(np.square(levels / scale), axis=0) / there), np.float64)
+
+
 def placed(design: Differentiator, stamps: Stamps | None, samples: int, wish: Wish) -> tuple[Differentiator, Windows]:
     """Return the design for the step of even times, and where windows lie that are not its own."""
     step = design.delta if stamps is None else stamps.step
@@ -225,9 +264,9 @@ def placed(design: Differentiator, stamps: Stamps | None, samples: int, wish: Wi
         return design._changed(delay=None, tau=1 - design._asked["delay"] / windows.duration), windows
     changes: dict[str, Any] = {}
     if step != design.delta:
-        changes |= {"delta": step} if delayed else {"delta": step, "tau": design.tau}
+        changes["delta"] = step
     if wish.window_duration is not None:
-        changes["window_length"] = max(round(duration("window_duration", wish.window_duration) / step), 1)
+        changes["window_length"] = even_length(duration("window_duration", wish.window_duration), step)
     if changes:
         design = design._changed(**changes)
     if wish.at is None:
@@ -259,8 +298,6 @@ def _unwrap(values: Samples, period: object) -> Samples:
     turn = arguments.real("period", period)
     if not (math.isfinite(turn) and turn > 0):
         raise ValueError(f"period must be finite and positive, got {turn}")
-    if values.dtype.kind == "c":
-        raise TypeError("period must come with real samples, got complex ones")
     filled, gone = values, np.isnan(values)
     if gone.any():
         places = np.where(gone, 0, np.arange(values.shape[0]).reshape(-1, *(1 for _ in values.shape[1:])))

@@ -313,8 +313,9 @@ class Differentiator(Wishes, Filter):
             Instead of `window_length`: T, in the unit of `t` or `delta`. Windows hold the samples within it, however
             many, and are shifted at the ends; even samples make it a number of samples.
         edge_window : {"full", "shrink"}
-            In mode "fit", "shrink" takes shorter windows toward the ends, with `tau` as near as can be to its place,
-            of at least ``2 * degree + 1`` (or `min_support`) samples: less bias, more noise.
+            In mode "fit", "shrink" takes windows that are shorter by 2, 4, ... samples toward the ends, so that `tau`
+            stays in its place, down to ``2 * degree + 1`` (or `min_support`) samples or one more: less bias, more
+            noise.
         nan_policy : {"propagate", "omit", "raise"}
             What NaN and masked samples do. "propagate" makes every estimate NaN whose window holds one; "omit" fits
             `degree` to the other samples of such windows, at the same `tau`; "raise" refuses them.

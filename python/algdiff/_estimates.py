@@ -15,13 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from algdiff import _threads as threads_of
 from algdiff._arguments import Progress, Samples
-from algdiff._core import Bank, Fits, Plan
+from algdiff._core import Fits
 from algdiff._data import Data
 from algdiff._jitter import corrected
-from algdiff._layout import around
+from algdiff._layout import around, in_order
 from algdiff._results import Estimates
 from algdiff._run import run
-from algdiff._wish import Call, Wish
+from algdiff._wish import INSIDE, Call, Wish
 
 if TYPE_CHECKING:
     from algdiff._differentiator import Differentiator
@@ -50,17 +50,18 @@ class _Job:
         self.more = wish.return_std or wish.return_support or wish.return_bias
         gain = data.limits.gain
         self.max_gain = (math.inf, MAX_GAIN) if gain is None else (gain, gain)
-        self.omit = wish.nan_policy == "omit" and data.missing
+        self.omit = wish.nan_policy == "omit" and (data.missing or math.isnan(constant))
 
     def run(self, values: Samples) -> Estimates:
         """Return the estimates, and what else is asked for."""
-        # Every estimate is a fit of its own where no window is like another.
-        uneven = self.data.windows.times is not None or self.data.weights is not None
-        if uneven and not self.more:
-            estimate = corrected(self.data, values, self.call, self.wish)
+        data, wish = self.data, self.wish
+        if data.windows.times is not None and not self.more:
+            estimate = corrected(data, values, self.call, wish)
             if estimate is not None:
                 return Estimates(estimate)
-        return self.fitted(values) if uneven or self.data.level is not None else self.slid(values)
+        # Every estimate is a fit of its own where no window is like another.
+        alone = data.windows.times is not None or data.weights is not None or data.level is not None
+        return self.fitted(values) if alone or wish.return_bias else self.slid(values)
 
     def fitted(self, values: Samples) -> Estimates:
         """Return one fit for every estimate."""
@@ -72,8 +73,8 @@ class _Job:
         def arranged(part: Samples | None) -> Samples | None:
             if part is None:
                 return None
-            apart = part.reshape(-1, count, outer, inner).swapaxes(1, 2)
-            return np.ascontiguousarray(apart).reshape(-1, *shape)
+            apart = part.reshape(len(part), count, outer, inner).swapaxes(1, 2)
+            return np.ascontiguousarray(apart).reshape(-1 if part.size else len(part), *shape)
 
         support = arranged(found.support)
         return Estimates(
@@ -85,54 +86,52 @@ class _Job:
 
     def slid(self, values: Samples) -> Estimates:
         """Return the estimates of sliding weights, and fits where those do not reach."""
-        wish, stage = self.wish, _stages(self.call.progress, 2 + self.wish.return_bias)
-        estimate = self.slide(self.design._bank, self.design._plan, values, stage())
-        bias = None
-        if wish.return_bias:
-            bias = self.beyond_estimate(values, stage())
-            np.subtract(estimate, bias, out=bias)
+        stage = _stages(self.call.progress, 2)
+        estimate = self.slide(values, stage())
         std, support = self.profiles(estimate)
         flat = estimate.reshape(self.orders, -1)
-        if self.omit and not self.more:
-            self.refill(values, flat)
+        if self.omit and self.data.autocovariance is None:
+            self.refill(values, flat, std, support)
         listed = self.listed(flat)
         if listed.size:
             found = self.fit(values, self.layout, listed.size, listed=listed, progress=stage())
-            for whole, part in [(estimate, found.estimate), (std, found.std), (bias, found.bias)]:
+            for whole, part in [(estimate, found.estimate), (std, found.std)]:
                 if whole is not None and part is not None:
                     whole.reshape(self.orders, -1)[:, listed] = part
             if support is not None and found.support is not None:
                 support.reshape(-1)[listed] = found.support
         if std is not None:
             std[np.isnan(estimate)] = np.nan
-        return Estimates(estimate, self.scaled(std), support, bias)
+        return Estimates(estimate, self.scaled(std), support)
 
-    def slide(self, bank: Bank, plan: Plan, values: Samples, progress: Progress | None) -> Samples:
-        call = self.call
+    def slide(self, values: Samples, progress: Progress | None) -> Samples:
+        """Return the estimates of sliding weights, in the caller's array if that can be."""
+        call, data, out = self.call, self.data, self.call.out
+        plain = len(data.parts) == 1 and data.offsets is None and not (data.stamps and data.stamps.descending)
+        if out is not None and (not plain or not in_order(out) or out.dtype != values.dtype):
+            out = None
+        if out is not None and self.design._leading is None:
+            out = out[np.newaxis]
         return run(
-            bank,
-            plan,
+            self.design._bank,
+            self.design._plan,
             values,
             orders=self.orders,
-            axis=self.data.axis,
+            axis=data.axis,
             mode=call.mode,
             cval=self.constant,
+            out=out,
             threads=call.threads,
             progress=progress,
         )
 
-    def beyond_estimate(self, values: Samples, progress: Progress | None) -> Samples:
-        """Return the estimates of the next degree; NaN if the window is too short for it."""
-        try:
-            further = self.design.replace(degree=self.beyond)
-        except ValueError:
-            return np.full((self.orders, *self.data.output_shape), np.nan, values.dtype)
-        return self.slide(further._bank, further._plan, values, progress)
-
     def listed(self, flat: Samples) -> NDArray[np.int64]:
         """Return which estimates need a fit of their own: those that miss samples, and those of shrunken windows."""
-        listed = np.flatnonzero(np.isnan(flat[0])) if self.omit else np.empty(0, np.intp)
-        if self.omit and self.call.mode == "nan":
+        listed = np.empty(0, np.intp)
+        # Without "omit" there is nothing to fit, but samples to count.
+        if self.omit or (self.data.missing and self.wish.return_support):
+            listed = np.flatnonzero(np.isnan(flat).any(axis=0))
+        if self.call.mode == "nan":
             listed = listed[self.inside(listed)]
         if self.wish.edge_window == "shrink":
             outer, _, inner = self.layout
@@ -147,12 +146,14 @@ class _Job:
         start = listed // inner % self.data.outputs - (0 if self.data.valid else plan.aligned_position)
         return (start >= 0) & (start + plan.span <= samples)
 
-    def refill(self, values: Samples, flat: Samples) -> None:
+    def refill(self, values: Samples, flat: Samples, std: Samples | None, support: NDArray[Any] | None) -> None:
         """Fill in many estimates at once."""
         self.fits.refill(
             values.reshape(-1),
-            flat.reshape(-1),
             self.layout,
+            flat.reshape(-1),
+            None if std is None else std.reshape(-1),
+            None if support is None else support.reshape(-1),
             valid=self.data.valid,
             max_gain=self.max_gain[1],
             min_support=self.data.limits.support,
@@ -166,7 +167,7 @@ class _Job:
             return (np.empty_like(estimate) if wish.return_std else None), (
                 np.empty(estimate.shape[1:], np.int64) if wish.return_support else None
             )
-        samples, span = self.layout[1], plan.span
+        data, samples, span = self.data, self.layout[1], plan.span
         # A row just long enough for both ends tells of any longer one.
         short = samples
         if self.data.valid:
@@ -174,10 +175,13 @@ class _Job:
         elif 0 <= plan.aligned_position < span:
             short = min(samples, 2 * span + 1)
         missing = samples - short
-        count = self.data.outputs - missing
-        zeros = np.zeros(short, estimate.dtype)
-        found = self.fit(zeros, (1, short, 1), count, bias=False, whole=True)
-        along = (slice(None), *(slice(None) if axis == self.data.axis else None for axis in range(estimate.ndim - 1)))
+        count = data.outputs - missing
+        plain = self.call.mode in INSIDE and self.data.autocovariance is None and data.limits.least is None
+        if plain:
+            found = self.profile(short, count, estimate.dtype)
+        else:
+            found = self.fit(np.zeros(short, estimate.dtype), (1, short, 1), count, whole=True)
+        along = (slice(None), *(slice(None) if axis == data.axis else None for axis in range(estimate.ndim - 1)))
 
         def spread(part: Any, out: Any) -> None:
             part = part.reshape(-1, count)
@@ -197,6 +201,26 @@ class _Job:
             support = support[0]
         return std, support
 
+    def profile(self, samples: int, count: int, dtype: np.dtype[Any]) -> Estimates:
+        """Return standard deviations for a level of 1, and support, of a row of even samples that is not extended."""
+        plan, call = self.design._plan, self.call
+        start = np.arange(count) - (0 if self.data.valid else plan.aligned_position)
+        inside = (start >= 0) & (start + plan.span <= samples)
+        place = np.arange(count) - start.clip(0, samples - plan.span)
+        if self.data.valid:
+            gains = np.repeat([[one.noise_gain] for one in self.design.orders], count, axis=1)
+        else:
+            gains = np.empty((self.orders, count))
+            self.fits.gains(place.astype(np.float64), False, gains.reshape(-1))
+            middle = np.empty(self.orders)
+            self.fits.gains(np.array([float(plan.aligned_position)]), True, middle)
+            gains[:, inside] = middle[:, np.newaxis]
+        support = np.full((1, count), plan.span)
+        if call.mode == "nan":
+            gains[:, ~inside], support[:, ~inside] = math.nan, 0
+        with np.errstate(over="ignore"):
+            return Estimates(gains, np.sqrt(gains).astype(dtype), support)
+
     def fit(
         self,
         values: Samples,
@@ -204,7 +228,6 @@ class _Job:
         count: int,
         *,
         listed: NDArray[np.int64] | None = None,
-        bias: bool = True,
         whole: bool = False,
         progress: Progress | None = None,
     ) -> Estimates:
@@ -213,7 +236,7 @@ class _Job:
         size = self.orders * count
         estimate = np.empty(size, values.dtype)
         std = np.empty(size, values.dtype) if wish.return_std else None
-        more = np.empty(size, values.dtype) if wish.return_bias and bias else None
+        more = np.empty(size, values.dtype) if wish.return_bias else None
         support = np.empty(count, np.int64) if wish.return_support else None
         windows = data.windows
         own: dict[str, Any] = (
@@ -250,14 +273,15 @@ class _Job:
         )
 
         def rows(part: Samples | None) -> Any:
-            return None if part is None else part.reshape(-1, count)
+            return None if part is None else part.reshape(-1 if count else self.orders, count)
 
         return Estimates(rows(estimate), rows(std), rows(support), rows(more))
 
     def scaled(self, std: Samples | None) -> Samples | None:
         """Return standard deviations for the level of the noise."""
         if std is not None:
-            np.multiply(std, self.data.noise, out=std)
+            with np.errstate(over="ignore"):
+                np.multiply(std, self.data.noise, out=std, casting="unsafe")
         return std
 
 

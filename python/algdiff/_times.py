@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -27,13 +28,13 @@ class Stamps:
     """
 
     def __init__(self, t: ArrayLike, size: int) -> None:
-        given = np.asarray(t)
+        given = arguments.plain("t", t)
         if given.shape != (size,):
             raise ValueError(f"t must have one time for each of the {size} samples along axis, got shape {given.shape}")
         self._origin = _plain("t", given)[:1]
         times = self.since("t", given)
         if not np.isfinite(times).all():
-            raise ValueError("t must be finite, got NaN, NaT or infinite times")
+            raise ValueError("t must be finite, got NaN, NaT or infinite times, or ones too far apart")
         self.descending = bool(size > 1 and times[-1] < times[0])
         self._shift = float(times[-1]) if self.descending else 0.0
         if self.descending:
@@ -53,11 +54,12 @@ class Stamps:
             return np.zeros(plain.shape)
         if plain.dtype.kind != self._origin.dtype.kind and "M" in plain.dtype.kind + self._origin.dtype.kind:
             raise TypeError(f"{name} must be of the kind of t, {self._origin.dtype}, got {plain.dtype}")
-        if plain.dtype.kind not in "mM":
+        if plain.dtype.kind in "mM":
+            return _seconds(plain, self._origin)
+        if plain.dtype.kind in "iu" and self._origin.dtype.kind in "iu":
+            return _integers(plain, self._origin)
+        with np.errstate(over="ignore", invalid="ignore"):
             return plain.astype(np.float64) - self._origin.astype(np.float64)
-        difference = plain - self._origin
-        seconds = difference / np.timedelta64(1, "s")
-        return np.asarray(seconds, np.float64)
 
     def located(self, name: str, times: ArrayLike) -> NDArray[np.float64]:
         """Return `times` on the axis of `values`."""
@@ -67,8 +69,31 @@ class Stamps:
         return np.ascontiguousarray(since - self._shift)
 
 
+SECONDS = {"W": 604800, "D": 86400, "h": 3600, "m": 60, "s": 1}
+FRACTIONS = {"ms": 1e3, "us": 1e6, "ns": 1e9, "ps": 1e12, "fs": 1e15, "as": 1e18}
+
+
+def _seconds(times: NDArray[Any], origin: NDArray[Any]) -> NDArray[np.float64]:
+    """Return differences of times in seconds, each rounded once; NaN for NaT."""
+    difference = times - origin
+    unit, count = np.datetime_data(difference.dtype)
+    numbers = difference.astype(np.int64).astype(np.float64) * count
+    numbers[np.isnat(difference)] = math.nan
+    return np.asarray(numbers * SECONDS[unit] if unit in SECONDS else numbers / FRACTIONS[unit])
+
+
+def _integers(times: NDArray[Any], origin: NDArray[Any]) -> NDArray[np.float64]:
+    """Return differences of integers, each rounded once: that 64 bits wrap around does not hurt their sizes."""
+    kind = np.uint64 if times.dtype == np.uint64 or origin.dtype == np.uint64 else np.int64
+    times, origin = times.astype(kind), origin.astype(kind)
+    later = times >= origin
+    with np.errstate(over="ignore"):
+        forward, back = (times - origin).astype(np.uint64), (origin - times).astype(np.uint64)
+    return np.asarray(np.where(later, forward.astype(np.float64), -back.astype(np.float64)))
+
+
 def _plain(name: str, times: ArrayLike) -> NDArray[Any]:
-    array = np.asarray(times)
+    array = arguments.plain(name, times)
     if array.dtype.kind not in "fiumM":
         raise TypeError(f"{name} must hold real numbers or datetime64, got dtype {array.dtype}")
     if array.dtype.kind in "mM" and np.datetime_data(array.dtype)[0] == "generic":
@@ -133,4 +158,11 @@ def lasting(
         step = usual_step(stamps.values) if stamps.step is None else stamps.step
     highest = max(deriv) if isinstance(deriv, tuple) else deriv
     least = (highest + 2 if degree is None else arguments.integer("degree", degree, 0)) + 1
-    return int(max(round(min(duration("window_duration", window_duration) / step, arguments.MAX_WINDOW)), least))
+    return max(even_length(duration("window_duration", window_duration), step), least)
+
+
+def even_length(lasting: float, step: float) -> int:
+    """Return how many even samples a window of some duration holds."""
+    if not lasting / step <= arguments.MAX_WINDOW:
+        raise ValueError(f"window_duration must be at most {arguments.MAX_WINDOW} steps of {step:g}, got {lasting:g}")
+    return max(round(lasting / step), 1)

@@ -108,6 +108,8 @@ def limits(design: Differentiator, windows: Windows, samples: int, call: Call, w
     least = design.degree + 1
     support = least if wish.min_support is None else arguments.integer("min_support", wish.min_support, least)
     gain = None if wish.max_gain is None else arguments.real("max_gain", wish.max_gain)
+    if windows.duration is None and support > span:
+        raise ValueError(f"min_support must be at most the {span} samples of a window, got {support}")
     if gain is not None and not gain >= 1:
         raise ValueError(f"max_gain must be at least 1, got {gain}")
     return Limits(support, gain, min(max(support, 2 * design.degree + 1), span) if shrinks else None)

@@ -172,7 +172,7 @@ impl Fits<'_> {
 
     /// What one estimate costs, in multiplications, roughly.
     fn work(&self) -> usize {
-        let size = self.model.beyond + 1;
+        let size = self.model.top() + 1;
         self.whole.span().saturating_mul(size * (size + 2)).saturating_add(200)
     }
 
@@ -215,10 +215,16 @@ struct Row {
 /// A thread's own memory.
 #[derive(Debug, Default)]
 struct Memory {
-    /// The samples of the window less the reference, 0 where one is missing.
+    /// The samples of the window less the reference, 0 where one is missing; how many there are.
     z: Vec<Block>,
     reference: f64,
     missing: Vec<usize>,
+    left_out: Vec<usize>,
+    samples: usize,
+    /// Whether the window is whole, where it should be, and its samples weigh the same.
+    ideal: bool,
+    /// The row and the start of the window whose small system is at hand.
+    solved: Option<(Row, isize)>,
     sheet: Sheet,
     values: Vec<f64>,
     aim: Aim,
@@ -226,8 +232,7 @@ struct Memory {
     /// Of every order, the weights of the estimate and those of what the higher degree adds to it.
     weights: Vec<Block>,
     more: Vec<Block>,
-    places: Vec<f64>,
-    base: Vec<f64>,
+    times: Vec<f64>,
     /// The window that the weights are of, if none of its samples was missing; and whether they reach the higher degree.
     fitted: Option<Window>,
     reaches: bool,
@@ -269,18 +274,25 @@ impl<T: Sample> Work<'_, '_, T> {
             self.count(k, 0);
             return Ok(());
         };
-        let samples = self.gather(row, &window)?;
-        let fits = self.fits;
-        self.count(k, samples);
-        let possible = samples >= fits.allowed.support && (fits.allowed.missing || self.memory.missing.is_empty());
-        let plain = possible && fits.weights.is_none() && window.count == fits.whole.span();
+        let (fits, orders) = (self.fits, self.fits.model.orders.len());
         let even = matches!(fits.windows.times, Times::Even { .. });
+        let tabled = even && fits.weights.is_none() && window.count == fits.whole.span() && fits.whole.refits();
+        let again = tabled && self.memory.solved == Some((row, window.start));
+        if !again {
+            self.memory.solved = None;
+            self.memory.samples = self.gather(row, &window)?;
+        }
+        self.count(k, self.memory.samples);
+        let whole = self.memory.missing.is_empty();
+        let possible = self.memory.samples >= fits.allowed.support && (fits.allowed.missing || whole);
+        self.memory.ideal = window.ideal && whole && fits.weights.is_none();
         let unit = fits.windows.unit(&window);
-        if plain && even && fits.whole.refits() && self.fits.whole.reaches(fits.model.beyond) {
+        if possible && tabled && fits.whole.reaches(fits.model.top()) {
             fits.whole.aim(fits.model, 2.0 * window.place - 1.0, &mut self.memory.aim)?;
             let memory = &mut *self.memory;
-            if fits.whole.without(&memory.missing, &memory.z, &mut memory.refit) {
-                for index in 0..fits.model.orders.len() {
+            if again || fits.whole.without(&memory.missing, &memory.z, &mut memory.refit) {
+                memory.solved = Some((row, window.start));
+                for index in 0..orders {
                     let estimate = self.refitted(index, row, &window)?;
                     self.put(k, index, estimate, unit);
                 }
@@ -288,7 +300,7 @@ impl<T: Sample> Work<'_, '_, T> {
             }
         }
         let fitted = possible && self.fit(row, &window)?;
-        for index in 0..fits.model.orders.len() {
+        for index in 0..orders {
             let estimate = if fitted { self.weighed(index, row, &window) } else { NOTHING };
             self.put(k, index, estimate, unit);
         }
@@ -341,43 +353,47 @@ impl<T: Sample> Work<'_, '_, T> {
             }
         }
         memory.missing.clear();
-        memory.reference = z.iter().copied().find(|z| !z.is_nan()).unwrap_or(f64::NAN);
-        let mut holes = false;
-        for z in z.iter_mut() {
-            *z -= memory.reference;
-            holes |= z.is_nan();
+        memory.left_out.clear();
+        if let Some(weights) = fits.weights {
+            for (j, (z, place)) in z.iter_mut().zip(window.start..).enumerate() {
+                if fits.of_sample(weights, row, place) == 0.0 {
+                    *z = f64::NAN;
+                    memory.left_out.push(j);
+                }
+            }
         }
+        memory.reference = z.iter().copied().find(|z| !z.is_nan()).unwrap_or(f64::NAN);
+        z.iter_mut().for_each(|z| *z -= memory.reference);
+        memory.left_out.iter().for_each(|&j| z[j] = 0.0);
         // An infinite reference leaves nothing, but is not missing.
-        if holes && memory.reference.is_finite() {
+        let holes = z.iter().fold(false, |holes, z| holes | z.is_nan());
+        if holes && !memory.reference.is_infinite() {
             for (j, z) in z.iter_mut().enumerate().filter(|(_, z)| z.is_nan()) {
                 memory.missing.push(j);
                 *z = 0.0;
             }
-        } else if memory.reference.is_nan() {
-            memory.missing.extend(0..window.count);
         }
-        let mut left = window.count - memory.missing.len();
-        if let Some(weights) = fits.weights {
-            let mut missing = memory.missing.iter().peekable();
-            for (j, place) in (0..window.count).zip(window.start..) {
-                let gone = missing.next_if_eq(&&j).is_some();
-                left -= usize::from(!gone && fits.of_sample(weights, row, place) == 0.0);
-            }
-        }
-        Ok(left)
+        Ok(window.count - memory.missing.len() - memory.left_out.len())
+    }
+
+    /// The degree of the fit of the order number `index`.
+    fn degree(&self, index: usize) -> usize {
+        let model = self.fits.model;
+        if self.memory.ideal { model.whole[index] } else { model.degree }
     }
 
     /// Whether a noise gain is allowed.
     fn bounded(&self, index: usize, gain: f64) -> bool {
-        let limit = self.fits.allowed.gain[usize::from(!self.memory.missing.is_empty())];
-        limit == f64::INFINITY || gain <= limit * self.memory.aim.gain(index) * (1.0 + 1e-9)
+        let missing = !self.memory.missing.is_empty();
+        let limit = self.fits.allowed.gain[usize::from(missing)];
+        limit == f64::INFINITY || self.memory.ideal || gain <= limit * self.memory.aim.gain(index) * (1.0 + 1e-9)
     }
 
     /// One estimate by the whole window's fit without the missing samples.
     fn refitted(&mut self, index: usize, row: Row, window: &Window) -> Result<Estimate, Error> {
+        let degree = self.degree(index);
         let (fits, memory) = (self.fits, &mut *self.memory);
-        let size = fits.model.degree + 1;
-        let value = fits.whole.estimate(&memory.aim, index, size, &mut memory.refit);
+        let value = fits.whole.estimate(&memory.aim, index, degree + 1, &mut memory.refit);
         let gain = fits.whole.refitted_gain(&memory.missing, &memory.refit);
         let mut variance = gain;
         let plain = matches!(fits.noise, Noise::Unit) && fits.windows.inside(window);
@@ -396,7 +412,7 @@ impl<T: Sample> Work<'_, '_, T> {
         Ok(if self.bounded(index, gain) { Estimate { value, variance, more } } else { NOTHING })
     }
 
-    /// Fits the samples of a window; false if there are too few for the degree.
+    /// Fits the samples of a window; false if there are too few.
     fn fit(&mut self, row: Row, window: &Window) -> Result<bool, Error> {
         let fits = self.fits;
         if fits.allowed.gain[usize::from(!self.memory.missing.is_empty())] < f64::INFINITY {
@@ -407,14 +423,15 @@ impl<T: Sample> Work<'_, '_, T> {
             return Ok(true);
         }
         self.memory.fitted = None;
-        self.weights_of(row, window)?;
+        self.lay(row, window)?;
         let (model, memory) = (fits.model, &mut *self.memory);
         memory.reaches = memory.sheet.orthonormalise();
         if !memory.reaches {
-            if model.beyond == model.degree {
+            let needed = if memory.ideal { model.widest() } else { model.degree };
+            if model.top() == needed {
                 return Ok(false);
             }
-            memory.sheet.prepare(window.count, model.degree)?;
+            memory.sheet.prepare(window.count, needed)?;
             if !memory.sheet.orthonormalise() {
                 return Ok(false);
             }
@@ -426,10 +443,11 @@ impl<T: Sample> Work<'_, '_, T> {
         at_least(&mut memory.more, if self.piece.bias.is_empty() { 0 } else { parts })?;
         for (index, order) in model.orders.iter().enumerate() {
             let moments = &memory.values[order * size..][..size];
-            let (own, more) = moments.split_at(model.degree + 1);
-            memory.sheet.weigh(0, own, &mut memory.weights[index * blocks..][..blocks]);
+            let degree = if memory.ideal { model.whole[index] } else { model.degree };
+            memory.sheet.weigh(0, &moments[..=degree], &mut memory.weights[index * blocks..][..blocks]);
             if !self.piece.bias.is_empty() {
-                memory.sheet.weigh(model.degree + 1, more, &mut memory.more[index * blocks..][..blocks]);
+                let more = moments.get(degree + 1..=model.beyond).unwrap_or_default();
+                memory.sheet.weigh(degree + 1, more, &mut memory.more[index * blocks..][..blocks]);
             }
         }
         if alike {
@@ -439,25 +457,19 @@ impl<T: Sample> Work<'_, '_, T> {
     }
 
     /// The places and the weights of the samples of a window onto the sheet.
-    fn weights_of(&mut self, row: Row, window: &Window) -> Result<(), Error> {
+    fn lay(&mut self, row: Row, window: &Window) -> Result<(), Error> {
         let (fits, memory) = (self.fits, &mut *self.memory);
-        at_least(&mut memory.places, window.count)?;
-        at_least(&mut memory.base, window.count)?;
-        memory.sheet.prepare(window.count, fits.model.beyond)?;
-        let (places, base) = (&mut memory.places[..window.count], &mut memory.base[..window.count]);
-        fits.windows.places(window, places);
-        fits.model.base(places, fits.windows.half(window), base);
-        memory.missing.iter().for_each(|&j| base[j] = 0.0);
-        if let Some(weights) = fits.weights {
-            for (j, place) in (0..window.count).zip(window.start..) {
-                let own = fits.of_sample(weights, row, place);
-                self.memory.base[j] *= own;
+        at_least(&mut memory.times, window.count)?;
+        let times = fits.windows.times(window, &mut memory.times[..window.count]);
+        let (factor, half) = (window.length.recip(), fits.windows.half(window));
+        memory.sheet.lay(fits.model, times, window.origin, factor, half)?;
+        let weights = &mut memory.sheet.weights.as_flattened_mut()[..window.count];
+        memory.missing.iter().for_each(|&j| weights[j] = 0.0);
+        if let Some(own) = fits.weights {
+            for (weight, place) in weights.iter_mut().zip(window.start..) {
+                *weight *= fits.of_sample(own, row, place);
             }
         }
-        let memory = &mut *self.memory;
-        let (places, base) = (&memory.places[..window.count], &memory.base[..window.count]);
-        memory.sheet.places.as_flattened_mut().iter_mut().zip(places).for_each(|(u, s)| *u = 2.0 * s - 1.0);
-        memory.sheet.weights.as_flattened_mut()[..window.count].copy_from_slice(base);
         Ok(())
     }
 

@@ -38,7 +38,7 @@ pub struct Whole {
     functionals: Vec<Block>,
     /// The rows of Q, if they are no longer than a block.
     rows: Vec<Block>,
-    /// `Q^T W Q` up to the degree of the fit: the square of the norm of the weights with coefficients `g` is `g . (Q^T W Q) g`.
+    /// `Q^T W Q`: the square of the norm of the weights with coefficients `g` is `g . (Q^T W Q) g`.
     spread: Vec<f64>,
 }
 
@@ -63,14 +63,14 @@ impl Aim {
 impl Whole {
     /// The window of `window_length` cells of which the samples `kept` have a weight.
     pub fn new(model: &Model, window_length: usize, kept: Range<usize>) -> Result<Self, Error> {
-        let (span, size, length) = (kept.len(), model.beyond + 1, window_length as f64);
+        let (span, size, length) = (kept.len(), model.top() + 1, window_length as f64);
         let mut places = try_vec(span, 0.0)?;
         places.iter_mut().zip(kept.start..).for_each(|(s, j)| *s = (j as f64 + 0.5) / length);
         let mut root = try_vec(span, 0.0)?;
         model.base(&places, 0.5 / length, &mut root);
         let mut sheet = Sheet::default();
         // Where the window is too short for the bias, the rest of it is still good.
-        sheet.prepare(span, model.beyond)?;
+        sheet.prepare(span, model.top())?;
         for (k, (s, weight)) in places.iter().zip(&root).enumerate() {
             sheet.places.as_flattened_mut()[k] = 2.0 * s - 1.0;
             sheet.weights.as_flattened_mut()[k] = *weight;
@@ -79,7 +79,7 @@ impl Whole {
         let blocks = sheet.blocks();
         let complete = sheet.orthonormalise();
         if !complete {
-            sheet.prepare(span, model.degree)?;
+            sheet.prepare(span, model.widest())?;
             if !sheet.orthonormalise() {
                 return Err(Error::argument(
                     "window_length",
@@ -88,7 +88,7 @@ impl Whole {
                 ));
             }
         }
-        let size = if complete { size } else { model.degree + 1 };
+        let size = if complete { size } else { model.widest() + 1 };
         let mut functionals = try_vec(blocks.saturating_mul(size), [0.0; SIDE])?;
         for (m, column) in functionals.chunks_exact_mut(blocks).enumerate() {
             for ((to, q), root) in column.iter_mut().zip(sheet.column(m)).zip(sheet.root()) {
@@ -102,9 +102,9 @@ impl Whole {
                 rows.iter_mut().zip(sheet.column(m).as_flattened()).for_each(|(row, value)| row[m] = *value);
             }
         }
-        let (fitted, arch) = (model.degree + 1, Arch::new());
-        let mut spread = vec![0.0; fitted * fitted];
-        for (m, row) in spread.chunks_exact_mut(fitted).enumerate() {
+        let arch = Arch::new();
+        let mut spread = vec![0.0; size * size];
+        for (m, row) in spread.chunks_exact_mut(size).enumerate() {
             for (k, value) in row.iter_mut().enumerate() {
                 [*value] = dots(arch, &functionals[m * blocks..][..blocks], [&functionals[k * blocks..][..blocks]]);
             }
@@ -120,7 +120,8 @@ impl Whole {
     }
 
     /// Samples of the nominal window.
-    pub(crate) fn window_length(&self) -> usize {
+    #[must_use]
+    pub fn window_length(&self) -> usize {
         self.window_length
     }
 
@@ -158,10 +159,25 @@ impl Whole {
         Ok(())
     }
 
+    /// The squares of the norms of the whole window's weights, for T = 1: for every order the estimates at all `positions`, as if
+    /// they were where the window should be, or by the fit of the plain degree.
+    pub fn gains(&self, model: &Model, positions: &[f64], ideal: bool, out: &mut [f64]) -> Result<(), Error> {
+        let mut values = Vec::new();
+        for (k, &position) in positions.iter().enumerate() {
+            self.sheet.derive(2.0 * self.place(position) - 1.0, model.highest(), &mut values)?;
+            let orders = model.orders.iter().zip(&model.whole).zip(out.chunks_mut(positions.len()));
+            for ((order, whole), out) in orders {
+                let degree = if ideal { *whole } else { model.degree };
+                out[k] = self.gain(&values[order * self.size..][..=degree]) * 4.0_f64.powi(*order as i32);
+            }
+        }
+        Ok(())
+    }
+
     /// The square of the norm of the weights with the coefficients `g`.
     #[inline(always)]
     fn gain(&self, g: &[f64]) -> f64 {
-        let rows = self.spread.chunks_exact(self.degree + 1).zip(g);
+        let rows = self.spread.chunks_exact(self.size).zip(g);
         rows.map(|(row, value)| value * row.iter().zip(g).map(|(s, g)| s * g).sum::<f64>()).sum()
     }
 
@@ -191,7 +207,7 @@ impl Whole {
         refit.solution[..size].iter().zip(&refit.sums).map(|(g, sum)| g * sum).sum()
     }
 
-    /// The square of the norm of the weights of the last estimate, one of the fit's own degree.
+    /// The square of the norm of the weights of the last estimate.
     #[inline(always)]
     pub(crate) fn refitted_gain(&self, missing: &[usize], refit: &Refit) -> f64 {
         let g = &refit.solution;
@@ -202,7 +218,7 @@ impl Whole {
                 weight * weight
             })
             .sum();
-        self.gain(&g[..=self.degree]) - left_out
+        self.gain(&g[..self.size]) - left_out
     }
 
     /// The weights themselves of the last estimate.
@@ -298,7 +314,7 @@ mod tests {
         for (window_length, degree, missing) in
             [(9, 2, vec![0, 4]), (21, 3, vec![2, 3, 4, 17]), (61, 5, (20..40).collect())]
         {
-            let model = Model { family, degree, beyond: degree + 1, orders: vec![0, 1, 2] };
+            let model = Model { family, degree, whole: vec![degree; 3], beyond: degree + 1, orders: vec![0, 1, 2] };
             let whole = Whole::new(&model, window_length, 0..window_length).expect("fits");
             let z: Vec<f64> =
                 (0..window_length).map(|k| if missing.contains(&k) { 0.0 } else { (0.7 * k as f64).sin() }).collect();
@@ -324,7 +340,8 @@ mod tests {
 
     #[test]
     fn too_many_missing_samples_are_noticed() {
-        let model = Model { family: Jacobi { alpha: 0.0, beta: 0.0 }, degree: 3, beyond: 3, orders: vec![1] };
+        let model =
+            Model { family: Jacobi { alpha: 0.0, beta: 0.0 }, degree: 3, whole: vec![3], beyond: 3, orders: vec![1] };
         let whole = Whole::new(&model, 11, 0..11).expect("fits");
         let missing: Vec<usize> = (3..11).collect();
         assert!(!whole.without(&missing, &[[0.0; SIDE]; 2], &mut Refit::default()));

@@ -68,9 +68,12 @@ pub(crate) struct Window {
     pub count: usize,
     /// The point of estimation on [0, 1].
     pub place: f64,
+    /// Whether it lies around the estimate as the design says, of even samples.
+    pub ideal: bool,
     /// When it begins, and its duration; for even steps in samples.
-    origin: f64,
-    length: f64,
+    pub origin: f64,
+    /// See `origin`.
+    pub length: f64,
 }
 
 impl Windows<'_> {
@@ -109,19 +112,18 @@ impl Windows<'_> {
     pub(crate) fn half(&self, window: &Window) -> f64 {
         match self.times {
             Times::Stamps { duration: Some(span), .. } => span.beyond / window.length,
-            _ => 0.5 / window.count as f64,
+            Times::Even { .. } => 0.5 / window.length,
+            Times::Stamps { .. } => 0.5 / window.count as f64,
         }
     }
 
-    /// The places of the window's samples.
-    pub(crate) fn places(&self, window: &Window, places: &mut [f64]) {
-        let factor = window.length.recip();
+    /// The times of the window's samples, of even ones their numbers, for which there is `room`.
+    pub(crate) fn times<'t>(&'t self, window: &Window, room: &'t mut [f64]) -> &'t [f64] {
         if let Times::Stamps { t, .. } = self.times {
-            let stamps = &t[window.start.cast_unsigned()..];
-            places.iter_mut().zip(stamps).for_each(|(s, t)| *s = (t - window.origin) * factor);
-        } else {
-            places.iter_mut().enumerate().for_each(|(j, s)| *s = (j as f64 - window.origin) * factor);
+            return &t[window.start.cast_unsigned()..][..window.count];
         }
+        room.iter_mut().enumerate().for_each(|(j, time)| *time = j as f64);
+        room
     }
 
     fn even(&self, whole: &Whole, output: usize) -> Option<Window> {
@@ -131,6 +133,7 @@ impl Windows<'_> {
             start,
             count: span,
             place: whole.place(position),
+            ideal: true,
             origin: -whole.place(0.0) * length,
             length,
         };
@@ -142,14 +145,15 @@ impl Windows<'_> {
         if self.mode.extends() {
             return Some(at(start, self.center as f64));
         }
+        let ideal = start;
         let (start, count) = self.at_sample(start, sample, span)?;
-        let window = at(start, (sample - start) as f64);
+        let window = Window { ideal: start == ideal, ..at(start, (sample - start) as f64) };
         if count == span {
             return Some(window);
         }
         let length = count as f64;
         let place = ((sample - start) as f64 + 0.5) / length;
-        Some(Window { start, count, place, origin: -0.5, length })
+        Some(Window { start, count, place, ideal: false, origin: -0.5, length })
     }
 
     /// The window of `span` samples for the estimate next to `sample`: `start` as far as the ends and the mode allow.
@@ -162,15 +166,16 @@ impl Windows<'_> {
             return None;
         }
         let Some(least) = self.least else { return Some((start.clamp(0, last), span)) };
-        for count in (least.min(span)..span).rev() {
-            // The sample of the shorter window that is next to `tau`, the newer one of two.
+        // As odd or even as the whole window, so that both ends are alike; on the sample next to `tau`, the newer one of two.
+        let mut count = span;
+        loop {
             let start = sample - (self.tau * count as f64 + 1e-9).floor() as isize;
-            if start >= 0 && start + count.cast_signed() <= self.samples.cast_signed() {
-                return Some((start, count));
+            let last = self.samples.cast_signed() - count.cast_signed();
+            if (0..=last).contains(&start) || count < least + 2 {
+                return Some((start.clamp(0, last), count));
             }
+            count -= 2;
         }
-        let count = least.min(span);
-        Some((start.clamp(0, self.samples.cast_signed() - count.cast_signed()), count))
     }
 
     fn counted(&self, whole: &Whole, t: &[f64], output: usize) -> Option<Window> {
@@ -187,7 +192,7 @@ impl Windows<'_> {
         let step = if count > 1 { (end - begin) / steps } else { 1.0 };
         let (origin, length) = (begin - 0.5 * step, step * count as f64);
         let place = if let Wanted::Windows = self.wanted { self.tau } else { (time - origin) / length };
-        Some(Window { start, count, place, origin, length })
+        Some(Window { start, count, place, ideal: false, origin, length })
     }
 
     fn timed(&self, t: &[f64], span: Span, output: usize) -> Option<Window> {
@@ -206,7 +211,8 @@ impl Windows<'_> {
         }
         let start = t.partition_point(|t| *t < origin);
         let count = t[start..].partition_point(|t| *t <= origin + length);
-        Some(Window { start: start.cast_signed(), count, place: (time - origin) / length, origin, length })
+        let (start, place) = (start.cast_signed(), (time - origin) / length);
+        Some(Window { start, count, place, ideal: false, origin, length })
     }
 }
 

@@ -37,7 +37,10 @@ pub struct Model {
     pub family: Jacobi,
     /// Degree of the fit.
     pub degree: usize,
-    /// Degree of a second fit by whose difference the bias is judged; `degree` for none.
+    /// For every order, the degree of the fit to a window of even samples that is whole and where it should be: at a root one
+    /// more.
+    pub whole: Vec<usize>,
+    /// Degree of a second fit by whose difference the bias is judged; no higher than the others for none.
     pub beyond: usize,
     /// Orders of the derivatives.
     pub orders: Vec<usize>,
@@ -60,6 +63,16 @@ impl Model {
             peak = peak.max(*weight);
         }
         base.iter_mut().for_each(|weight| *weight = (*weight - peak).exp());
+    }
+
+    /// The highest degree.
+    pub(crate) fn top(&self) -> usize {
+        self.beyond.max(self.widest())
+    }
+
+    /// The highest degree without the second fit.
+    pub(crate) fn widest(&self) -> usize {
+        self.whole.iter().copied().fold(self.degree, usize::max)
     }
 
     /// The highest order.
@@ -88,7 +101,9 @@ fn ln_cell(s: f64, half: f64, exponent: f64) -> f64 {
     if exponent >= 0.0 {
         return ln_power(s.max(0.0), exponent);
     }
-    let (low, high) = ((s - half).max(0.0), s + half);
+    // Rounding must not leave a sliver between the first cell and the end.
+    let low = if s - half < 1e-9 * half { 0.0 } else { s - half };
+    let high = s + half;
     let power = exponent + 1.0;
     ((high.powf(power) - low.powf(power)) / (power * (high - low))).ln()
 }
@@ -129,6 +144,26 @@ impl Sheet {
         for column in [&mut self.places, &mut self.weights] {
             column[..self.blocks].as_flattened_mut()[samples..].fill(0.0);
         }
+        Ok(())
+    }
+
+    /// Puts the samples of a window at the places `(times - origin) factor`, with the model's weights; `half` is half the width of
+    /// the cell of a sample.
+    pub fn lay(&mut self, model: &Model, times: &[f64], origin: f64, factor: f64, half: f64) -> Result<(), Error> {
+        self.prepare(times.len(), model.top())?;
+        let Jacobi { alpha, beta } = model.family;
+        let whole = |exponent: f64| exponent.fract() == 0.0 && (0.0..=POWERS).contains(&exponent);
+        let (places, weights) = (&mut self.places[..self.blocks], &mut self.weights[..self.blocks]);
+        if whole(alpha) && whole(beta) {
+            let exponents = [alpha as usize, beta as usize];
+            self.arch.dispatch(Lay { times, origin, factor, exponents, places, weights });
+        } else {
+            let places = &mut places.as_flattened_mut()[..times.len()];
+            places.iter_mut().zip(times).for_each(|(s, t)| *s = (t - origin) * factor);
+            model.base(places, half, &mut weights.as_flattened_mut()[..times.len()]);
+            places.iter_mut().for_each(|s| *s = 2.0 * *s - 1.0);
+        }
+        self.weights[..self.blocks].as_flattened_mut()[times.len()..].fill(0.0);
         Ok(())
     }
 
@@ -218,24 +253,16 @@ impl WithSimd for Orthonormalise<'_> {
             let h = &mut sheet.recurrence[m * size..][..=m];
             h.fill(0.0);
             let current = registers::<S>(&done[m * blocks..]);
-            for ((to, q), u) in next.iter_mut().zip(current).zip(places) {
-                *to = simd.mul_f64s(*q, *u);
-            }
-            h[m] = product(simd, next, current);
-            add(simd, next, current, -h[m]);
+            h[m] = shifted(simd, next, current, places);
             if m > 0 {
                 h[m - 1] = sheet.norms[m];
-                add(simd, next, registers::<S>(&done[(m - 1) * blocks..][..blocks]), -h[m - 1]);
+                let before = registers::<S>(&done[(m - 1) * blocks..][..blocks]);
+                let _ = subtract(simd, next, [current, before], [h[m], h[m - 1]]);
+            } else {
+                let _ = subtract(simd, next, [current], [h[m]]);
             }
-            let rest = &mut sheet.rest[..=m];
-            for (column, rest) in done.chunks_exact(blocks).zip(rest.iter_mut()) {
-                *rest = product(simd, next, registers::<S>(column));
-            }
-            for ((column, rest), h) in done.chunks_exact(blocks).zip(rest).zip(h.iter_mut()) {
-                add(simd, next, registers::<S>(column), -*rest);
-                *h += *rest;
-            }
-            let norm = product(simd, next, next).sqrt();
+            let norm = orthogonalise(simd, next, done, blocks, &mut sheet.rest[..=m]).sqrt();
+            h.iter_mut().zip(&sheet.rest).for_each(|(h, rest)| *h += rest);
             if norm.is_nan() || norm <= VANISHES {
                 return false;
             }
@@ -247,6 +274,93 @@ impl WithSimd for Orthonormalise<'_> {
         }
         true
     }
+}
+
+/// `next = u q`; returns the sum of `next q`.
+#[inline(always)]
+fn shifted<S: Simd>(simd: S, next: &mut [S::f64s], q: &[S::f64s], u: &[S::f64s]) -> f64 {
+    let mut sum = simd.splat_f64s(0.0);
+    for ((next, q), u) in next.iter_mut().zip(q).zip(u) {
+        *next = simd.mul_f64s(*q, *u);
+        sum = simd.mul_add_e_f64s(*next, *q, sum);
+    }
+    simd.reduce_sum_f64s(sum)
+}
+
+/// Takes out of `next` what it shares with the columns `done`, says how much of each, and returns the square of its norm.
+#[inline(always)]
+fn orthogonalise<S: Simd>(simd: S, next: &mut [S::f64s], done: &[Block], blocks: usize, rest: &mut [f64]) -> f64 {
+    let groups = done.chunks(4 * blocks).zip(rest.chunks_mut(4));
+    for (columns, rest) in groups {
+        match rest.len() {
+            1 => rest.copy_from_slice(&products::<S, 1>(simd, next, columns, blocks)),
+            2 => rest.copy_from_slice(&products::<S, 2>(simd, next, columns, blocks)),
+            3 => rest.copy_from_slice(&products::<S, 3>(simd, next, columns, blocks)),
+            _ => rest.copy_from_slice(&products::<S, 4>(simd, next, columns, blocks)),
+        }
+    }
+    let mut square = 0.0;
+    for (columns, rest) in done.chunks(4 * blocks).zip(rest.chunks(4)) {
+        square = match *rest {
+            [a] => subtract(simd, next, split::<S, 1>(columns, blocks), [a]),
+            [a, b] => subtract(simd, next, split::<S, 2>(columns, blocks), [a, b]),
+            [a, b, c] => subtract(simd, next, split::<S, 3>(columns, blocks), [a, b, c]),
+            [a, b, c, d, ..] => subtract(simd, next, split::<S, 4>(columns, blocks), [a, b, c, d]),
+            [] => square,
+        };
+    }
+    square
+}
+
+/// The first `N` columns.
+#[inline(always)]
+fn split<S: Simd, const N: usize>(columns: &[Block], blocks: usize) -> [&[S::f64s]; N] {
+    let mut each = [registers::<S>(&columns[..blocks]); N];
+    for (n, each) in each.iter_mut().enumerate() {
+        *each = registers::<S>(&columns[n * blocks..][..blocks]);
+    }
+    each
+}
+
+/// The sums of the products of `next` with each of `N` columns.
+#[inline(always)]
+fn products<S: Simd, const N: usize>(simd: S, next: &[S::f64s], columns: &[Block], blocks: usize) -> [f64; N] {
+    let columns = split::<S, N>(columns, blocks);
+    let mut sums = [simd.splat_f64s(0.0); N];
+    for (k, next) in next.iter().enumerate() {
+        for n in 0..N {
+            sums[n] = simd.mul_add_e_f64s(*next, columns[n][k], sums[n]);
+        }
+    }
+    let mut results = [0.0; N];
+    for n in 0..N {
+        results[n] = simd.reduce_sum_f64s(sums[n]);
+    }
+    results
+}
+
+/// `next -= sum of factors columns`; returns the square of its norm.
+#[inline(always)]
+fn subtract<S: Simd, const N: usize>(
+    simd: S,
+    next: &mut [S::f64s],
+    columns: [&[S::f64s]; N],
+    factors: [f64; N],
+) -> f64 {
+    let mut negative = [simd.splat_f64s(0.0); N];
+    for n in 0..N {
+        negative[n] = simd.splat_f64s(-factors[n]);
+    }
+    let mut square = simd.splat_f64s(0.0);
+    for (k, next) in next.iter_mut().enumerate() {
+        let mut value = *next;
+        for n in 0..N {
+            value = simd.mul_add_e_f64s(negative[n], columns[n][k], value);
+        }
+        square = simd.mul_add_e_f64s(value, value, square);
+        *next = value;
+    }
+    simd.reduce_sum_f64s(square)
 }
 
 struct Weigh<'a> {
@@ -263,12 +377,59 @@ impl WithSimd for Weigh<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { sheet, first, moments, weights } = self;
         let weights = registers_mut::<S>(weights);
-        weights.fill(simd.splat_f64s(0.0));
-        for (m, moment) in (first..).zip(moments) {
-            add(simd, weights, registers::<S>(sheet.column(m)), *moment);
+        for weight in &mut *weights {
+            *weight = simd.splat_f64s(0.0);
         }
-        for (weight, root) in weights.iter_mut().zip(registers::<S>(&sheet.root)) {
+        for (m, moment) in (first..).zip(moments) {
+            let factor = simd.splat_f64s(*moment);
+            for (weight, value) in weights.iter_mut().zip(registers::<S>(sheet.column(m))) {
+                *weight = simd.mul_add_e_f64s(factor, *value, *weight);
+            }
+        }
+        for (weight, root) in weights.iter_mut().zip(registers::<S>(sheet.root())) {
             *weight = simd.mul_f64s(*weight, *root);
+        }
+    }
+}
+
+/// Lays the samples of a window out: their places, and the Jacobi weights of whole exponents.
+struct Lay<'a> {
+    times: &'a [f64],
+    origin: f64,
+    factor: f64,
+    exponents: [usize; 2],
+    places: &'a mut [Block],
+    weights: &'a mut [Block],
+}
+
+impl WithSimd for Lay<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { times, origin, factor, exponents: [kappa, mu], places, weights } = self;
+        let (origin, factor) = (simd.splat_f64s(origin), simd.splat_f64s(factor));
+        let (zero, one) = (simd.splat_f64s(0.0), simd.splat_f64s(1.0));
+        let (places, weights) = (registers_mut::<S>(places), registers_mut::<S>(weights));
+        let (whole, tail) = S::as_simd_f64s(times);
+        for (k, (u, weight)) in places.iter_mut().zip(weights).enumerate() {
+            let t = match whole.get(k) {
+                Some(t) => *t,
+                None if k == whole.len() => simd.partial_load_f64s(tail),
+                None => zero,
+            };
+            let s = simd.mul_f64s(simd.sub_f64s(t, origin), factor);
+            let rest = simd.max_f64s(simd.sub_f64s(one, s), zero);
+            *u = simd.sub_f64s(simd.add_f64s(s, s), one);
+            let s = simd.max_f64s(s, zero);
+            let mut product = one;
+            for _ in 0..kappa {
+                product = simd.mul_f64s(product, s);
+            }
+            for _ in 0..mu {
+                product = simd.mul_f64s(product, rest);
+            }
+            *weight = product;
         }
     }
 }
@@ -321,15 +482,6 @@ fn product<S: Simd>(simd: S, a: &[S::f64s], b: &[S::f64s]) -> f64 {
     simd.reduce_sum_f64s(simd.add_f64s(sums[0], sums[1]))
 }
 
-/// `to += factor column`.
-#[inline(always)]
-fn add<S: Simd>(simd: S, to: &mut [S::f64s], column: &[S::f64s], factor: f64) {
-    let factor = simd.splat_f64s(factor);
-    for (to, value) in to.iter_mut().zip(column) {
-        *to = simd.mul_add_e_f64s(factor, *value, *to);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -338,7 +490,13 @@ mod tests {
     fn sheet(places: &[f64], degree: usize) -> Sheet {
         let mut sheet = Sheet::default();
         sheet.prepare(places.len(), degree).expect("small");
-        let model = Model { family: Jacobi { alpha: 1.0, beta: 1.0 }, degree, beyond: degree, orders: vec![0] };
+        let model = Model {
+            family: Jacobi { alpha: 1.0, beta: 1.0 },
+            degree,
+            whole: vec![degree],
+            beyond: degree,
+            orders: vec![0],
+        };
         let mut base = vec![0.0; places.len()];
         model.base(places, 0.0, &mut base);
         for (k, (s, weight)) in places.iter().zip(base).enumerate() {
@@ -408,7 +566,13 @@ mod tests {
         // Negative exponents are averaged over cells, and large ones do not underflow all together.
         let places: Vec<f64> = (0..10).map(|j| (f64::from(j) + 0.5) / 10.0).collect();
         let mut base = vec![0.0; 10];
-        let model = |alpha, beta| Model { family: Jacobi { alpha, beta }, degree: 1, beyond: 1, orders: vec![1] };
+        let model = |alpha, beta| Model {
+            family: Jacobi { alpha, beta },
+            degree: 1,
+            whole: vec![1],
+            beyond: 1,
+            orders: vec![1],
+        };
         model(-0.5, 0.0).base(&places, 0.05, &mut base);
         assert!((base[0] - 2.0 / 0.1_f64.sqrt()).abs() < 1e-12);
         model(3000.0, 3000.0).base(&places, 0.05, &mut base);

@@ -3,15 +3,15 @@
 use algdiff_core::engine::Sample;
 use algdiff_core::fits::{Allowed, Fits as CoreFits, Noise, PerSample, Results};
 use algdiff_core::gaps::Whole;
-use algdiff_core::gaps::bulk::{Bulk, Outputs};
+use algdiff_core::gaps::bulk::{Bulk, Found, Outputs, Wanted as BulkWanted};
 use algdiff_core::irregular::{Span, Times, Wanted, Windows};
 use algdiff_core::jacobi::Jacobi;
 use algdiff_core::local::Model;
 use algdiff_core::run::Layout;
-use numpy::{Element, PyArray1, PyReadonlyArray1, PyReadwriteArray1};
+use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray1};
 use pyo3::prelude::*;
 
-use crate::{Plan, enter, mode_of, unknown};
+use crate::{Array, Plan, enter, mode_of, unknown};
 
 type Numbers<'py> = Option<PyReadonlyArray1<'py, f64>>;
 
@@ -36,8 +36,9 @@ impl Fits {
         };
         let design = *first.design();
         let orders = plans.iter().map(|plan| plan.0.design().deriv).collect();
+        let whole = plans.iter().map(|plan| plan.0.fit_degree()).collect();
         let family = Jacobi { alpha: design.kappa, beta: design.mu };
-        let model = Model { family, degree: design.degree, beyond: beyond.max(design.degree), orders };
+        let model = Model { family, degree: design.degree, whole, beyond, orders };
         let (tau, center, kept) = (first.kernel().tau(), first.aligned_position(), first.kept());
         let whole = enter(py, None, |_| Whole::new(&model, design.window_length, kept))?;
         Ok(Self { model, whole, tau, center, delta: design.delta })
@@ -109,15 +110,31 @@ impl Fits {
         if x.is_instance_of::<PyArray1<f64>>() { call.run::<f64>(py, x) } else { call.run::<f32>(py, x) }
     }
 
-    /// Replaces estimates in `out` that are NaN because of missing samples, as far as this can be done for many at once.
-    #[pyo3(signature = (x, out, layout, *, valid=false, max_gain=f64::INFINITY, min_support=0, threads=0, progress=None))]
+    /// Squares of the norms of the weights at positions in the whole window, where that should be or not.
+    fn gains(&self, py: Python<'_>, positions: &Array<'_>, ideal: bool, out: &Array<'_>) -> PyResult<()> {
+        let unit = 1.0 / (self.whole.window_length() as f64 * self.delta);
+        let (positions, mut out) = (positions.try_readonly()?, out.try_readwrite()?);
+        let (positions, out) = (positions.as_slice()?, out.as_slice_mut()?);
+        enter(py, None, |_| {
+            self.whole.gains(&self.model, positions, ideal, out)?;
+            for (order, out) in self.model.orders.iter().zip(out.chunks_mut(positions.len().max(1))) {
+                out.iter_mut().for_each(|gain| *gain *= unit.powi(2 * *order as i32));
+            }
+            Ok(())
+        })
+    }
+
+    /// Replaces estimates that are NaN because of missing samples, as far as this can be done for many at once.
+    #[pyo3(signature = (x, layout, estimate, std=None, support=None, *, valid=false, max_gain=f64::INFINITY, min_support=0, threads=0, progress=None))]
     #[expect(clippy::too_many_arguments, reason = "the call's own parameters, by their own names")]
     fn refill(
         &self,
         py: Python<'_>,
         x: &Bound<'_, PyAny>,
-        out: &Bound<'_, PyAny>,
         layout: (usize, usize, usize),
+        estimate: &Bound<'_, PyAny>,
+        std: Option<&Bound<'_, PyAny>>,
+        support: Option<PyReadwriteArray1<'_, i64>>,
         valid: bool,
         max_gain: f64,
         min_support: usize,
@@ -126,30 +143,39 @@ impl Fits {
     ) -> PyResult<()> {
         let layout = Layout { outer: layout.0, samples: layout.1, inner: layout.2 };
         let (place, center) = if valid { (self.tau, 0) } else { (self.whole.place(self.center as f64), self.center) };
-        let bulk =
-            enter(py, None, |_| Bulk::new(&self.model, &self.whole, place, center, self.delta, max_gain, min_support))?;
+        let wanted = BulkWanted { limit: max_gain, support: min_support, std: std.is_some() };
+        let bulk = enter(py, None, |_| Bulk::new(&self.model, &self.whole, place, center, self.delta, wanted))?;
+        let Some(bulk) = bulk else { return Ok(()) };
         let count = if valid { (layout.samples + 1).saturating_sub(self.whole.span()) } else { layout.samples };
         let outputs = Outputs { layout, count, threads };
-        match bulk {
-            None => Ok(()),
-            Some(bulk) if x.is_instance_of::<PyArray1<f64>>() => refill::<f64>(py, &bulk, x, out, outputs, progress),
-            Some(bulk) => refill::<f32>(py, &bulk, x, out, outputs, progress),
-        }
+        let call = Refill { bulk, estimate, std, support, outputs, progress };
+        if x.is_instance_of::<PyArray1<f64>>() { call.run::<f64>(py, x) } else { call.run::<f32>(py, x) }
     }
 }
 
-fn refill<T: Sample + Element>(
-    py: Python<'_>,
-    bulk: &Bulk<'_>,
-    x: &Bound<'_, PyAny>,
-    out: &Bound<'_, PyAny>,
+/// A call whose type of samples is not known yet.
+struct Refill<'a, 'py> {
+    bulk: Bulk<'a>,
+    estimate: &'a Bound<'py, PyAny>,
+    std: Option<&'a Bound<'py, PyAny>>,
+    support: Option<PyReadwriteArray1<'py, i64>>,
     outputs: Outputs,
     progress: Option<Py<PyAny>>,
-) -> PyResult<()> {
-    let x: PyReadonlyArray1<'_, T> = x.extract()?;
-    let mut out: PyReadwriteArray1<'_, T> = out.extract()?;
-    let (x, out) = (x.as_slice()?, out.as_slice_mut()?);
-    enter(py, progress, |control| bulk.run(x, out, outputs, control))
+}
+
+impl Refill<'_, '_> {
+    fn run<T: Sample + Element>(mut self, py: Python<'_>, x: &Bound<'_, PyAny>) -> PyResult<()> {
+        let x: PyReadonlyArray1<'_, T> = x.extract()?;
+        let mut estimate: PyReadwriteArray1<'_, T> = self.estimate.extract()?;
+        let mut std: Option<PyReadwriteArray1<'_, T>> = self.std.map(PyAnyMethods::extract).transpose()?;
+        let found = Found {
+            estimate: estimate.as_slice_mut()?,
+            std: std.as_mut().map(|out| out.as_slice_mut()).transpose()?,
+            support: self.support.as_mut().map(|out| out.as_slice_mut()).transpose()?,
+        };
+        let (x, bulk, outputs) = (x.as_slice()?, &self.bulk, self.outputs);
+        enter(py, self.progress, |control| bulk.run(x, found, outputs, control))
+    }
 }
 
 /// A call whose type of samples is not known yet.

@@ -10,6 +10,8 @@
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
 )]
 
+use std::ops::Range;
+
 use pulp::{Arch, Simd, WithSimd};
 
 use super::{Aim, SMALLEST_PIVOT, Whole};
@@ -41,6 +43,30 @@ pub struct Bulk<'a> {
     /// What the noise gains may be.
     limits: Vec<f64>,
     support: usize,
+    /// Whether the gains themselves are wanted, not only bounds for them.
+    gains: bool,
+}
+
+/// What is asked of the estimates.
+#[derive(Debug, Clone, Copy)]
+pub struct Wanted {
+    /// How much larger the noise gain may be than that of the whole window.
+    pub limit: f64,
+    /// Samples that a window must hold.
+    pub support: usize,
+    /// Whether standard deviations are wanted, for noise of variance 1.
+    pub std: bool,
+}
+
+/// The estimates, and what is asked for beside them: all in the same layout.
+#[derive(Debug)]
+pub struct Found<'o, T> {
+    /// Estimates, for every order.
+    pub estimate: &'o mut [T],
+    /// Standard deviations, for every order.
+    pub std: Option<&'o mut [T]>,
+    /// Numbers of samples, once for all orders.
+    pub support: Option<&'o mut [i64]>,
 }
 
 /// The rows and the estimates that have been asked for.
@@ -59,6 +85,8 @@ struct Task<'o, T> {
     outer: usize,
     first: usize,
     outs: Vec<&'o mut [T]>,
+    stds: Vec<&'o mut [T]>,
+    support: &'o mut [i64],
 }
 
 /// A thread's own memory.
@@ -70,23 +98,22 @@ struct Memory {
     sums: Vec<f64>,
     holes: Vec<f64>,
     results: Vec<f64>,
+    gains: Vec<f64>,
     scratch: Scratch<f64>,
 }
 
 impl<'a> Bulk<'a> {
-    /// For estimates at `place` of windows that start `center` samples before; `limit` bounds the noise gain, relative to that of
-    /// the whole window, and `support` the samples. None if the fit has too many coefficients.
+    /// For estimates at `place` of windows that start `center` samples before. None if the fit has too many coefficients.
     pub fn new(
         model: &'a Model,
         whole: &'a Whole,
         place: f64,
         center: isize,
         delta: f64,
-        limit: f64,
-        support: usize,
+        wanted: Wanted,
     ) -> Result<Option<Self>, Error> {
         let size = model.degree + 1;
-        if !whole.refits() || whole.degree != model.degree {
+        if !whole.refits() {
             return Ok(None);
         }
         let mut aim = Aim::default();
@@ -96,8 +123,13 @@ impl<'a> Bulk<'a> {
         let sums = (0..size).map(|m| Taps::plain(&column(m)[..span])).collect::<Result<Vec<_>, _>>()?;
         let pairs = (0..size).flat_map(|i| (0..=i).map(move |j| (i, j)));
         let product = |(i, j): (usize, usize)| whole.rows.iter().map(|row| row[i] * row[j]).collect::<Vec<_>>();
-        let holes = pairs.map(|pair| Taps::plain(&product(pair))).collect::<Result<Vec<_>, _>>()?;
-        let limits = aim.gains.iter().map(|gain| gain * limit).collect();
+        let mut products: Vec<Vec<f64>> = pairs.map(product).collect();
+        if wanted.std {
+            let square = |row: Vec<f64>| row.iter().zip(&whole.root).map(|(q, root)| q * root * root).collect();
+            products.extend(products.clone().into_iter().map(square).collect::<Vec<_>>());
+        }
+        let holes = products.iter().map(|product| Taps::plain(product)).collect::<Result<Vec<_>, _>>()?;
+        let limits = aim.gains.iter().map(|gain| gain * wanted.limit).collect();
         Ok(Some(Self {
             whole,
             orders: &model.orders,
@@ -107,40 +139,47 @@ impl<'a> Bulk<'a> {
             center,
             unit: 2.0 / (whole.window_length as f64 * delta),
             limits,
-            support,
+            support: wanted.support,
+            gains: wanted.std,
         }))
     }
 
-    /// Replaces those estimates in `out` that are NaN because a sample of their window in `x` is.
+    /// Replaces those estimates that are NaN because a sample of their window in `x` is.
     pub fn run<T: Sample>(
         &self,
         x: &[T],
-        out: &mut [T],
+        found: Found<'_, T>,
         outputs: Outputs,
         control: &impl Control,
     ) -> Result<(), Error> {
         let Outputs { layout, count, threads } = outputs;
         let per_order = layout.outer.saturating_mul(count).saturating_mul(layout.inner);
         let held = layout.outer.saturating_mul(layout.samples).saturating_mul(layout.inner);
-        if x.len() != held || out.len() != per_order.saturating_mul(self.orders.len()) {
-            return Err(Error::argument("out", out.len(), "as long as there are estimates"));
+        let wanted = per_order.saturating_mul(self.orders.len());
+        if x.len() != held
+            || found.estimate.len() != wanted
+            || found.std.as_ref().is_some_and(|std| std.len() != wanted || !self.gains)
+            || found.support.as_ref().is_some_and(|support| support.len() != per_order)
+        {
+            return Err(Error::argument("out", found.estimate.len(), "as long as there are estimates"));
         }
         if per_order == 0 {
             return Ok(());
         }
         let piece = (STRETCHES * self.longest() / layout.inner).clamp(self.longest().min(count), count);
-        let matrix = count * layout.inner;
-        let mut parts: Vec<_> = out
-            .chunks_mut(per_order)
-            .map(|order| order.chunks_mut(matrix).flat_map(|part| part.chunks_mut(piece * layout.inner)))
-            .collect();
+        let sizes = (per_order, count * layout.inner, piece * layout.inner);
+        let mut outs = cut(found.estimate, sizes);
+        let mut stds = found.std.map_or_else(Vec::new, |std| cut(std, sizes));
+        let mut support = found.support.map(|support| cut(support, sizes));
         let per_matrix = count.div_ceil(piece);
         let mut number = 0;
         let tasks = std::iter::from_fn(|| {
-            let outs: Vec<&mut [T]> = parts.iter_mut().filter_map(Iterator::next).collect();
+            let outs: Vec<&mut [T]> = outs.iter_mut().filter_map(Iterator::next).collect();
+            let stds = stds.iter_mut().filter_map(Iterator::next).collect();
+            let support = support.iter_mut().flatten().find_map(Iterator::next).unwrap_or_default();
             let (outer, first) = (number / per_matrix, number % per_matrix * piece);
             number += 1;
-            (!outs.is_empty()).then_some(Task { outer, first, outs })
+            (!outs.is_empty()).then_some(Task { outer, first, outs, stds, support })
         });
         let work = self.sums.work() + self.holes.work();
         let load = Load { outputs: per_order, work, tasks: layout.outer * per_matrix, threads };
@@ -191,19 +230,41 @@ impl<'a> Bulk<'a> {
             let start = (task.first + k).cast_signed() - self.center;
             let samples = row[start.cast_unsigned() * inner..].iter().step_by(inner).take(stop - k + span - 1);
             if let Some(reference) = self.stretch(samples.map(|x| x.to_f64()), stop - k, memory)? {
-                for (index, &order) in self.orders.iter().enumerate() {
-                    let (unit, origin) = (self.unit.powi(order as i32), if order == 0 { reference } else { 0.0 });
-                    let results = &memory.results[index * (stop - k).next_multiple_of(SIDE)..][..stop - k];
-                    for (result, out) in
-                        results.iter().zip(task.outs[index][k * inner + column..].iter_mut().step_by(inner))
-                    {
-                        *out = T::from_f64(result * unit + origin);
-                    }
-                }
+                self.write(task, memory, reference, k..stop, (column, inner));
             }
             k = stop;
         }
         Ok(())
+    }
+
+    /// Writes the estimates of a stretch, of one column of `inner`.
+    fn write<T: Sample>(
+        &self,
+        task: &mut Task<'_, T>,
+        memory: &Memory,
+        reference: f64,
+        stretch: Range<usize>,
+        (column, inner): (usize, usize),
+    ) {
+        let (length, room, span) = (stretch.len(), stretch.len().next_multiple_of(SIDE), self.whole.span());
+        let first = stretch.start * inner + column;
+        for (index, &order) in self.orders.iter().enumerate() {
+            let (unit, origin) = (self.unit.powi(order as i32), if order == 0 { reference } else { 0.0 });
+            let results = &memory.results[index * room..][..length];
+            for (result, out) in results.iter().zip(task.outs[index][first..].iter_mut().step_by(inner)) {
+                *out = T::from_f64(result * unit + origin);
+            }
+            let Some(std) = task.stds.get_mut(index) else { continue };
+            let gains = &memory.gains[index * room..][..length];
+            for (gain, std) in gains.iter().zip(std[first..].iter_mut().step_by(inner)) {
+                *std = T::from_f64(gain.max(0.0).sqrt() * unit);
+            }
+        }
+        if !task.support.is_empty() {
+            for (k, support) in task.support[first..].iter_mut().step_by(inner).take(length).enumerate() {
+                *support = (span - (memory.missing[k + span] - memory.missing[k])) as i64;
+            }
+        }
     }
 
     /// The estimates of neighbouring windows, less what is returned, into `memory.results`; none if no sample or an infinite one is
@@ -234,10 +295,11 @@ impl<'a> Bulk<'a> {
         if !finite {
             return Ok(None);
         }
-        let pairs = size * (size + 1) / 2;
-        for (sums, number) in [(&mut memory.sums, size), (&mut memory.holes, pairs), (&mut memory.results, orders)] {
-            at_least(sums, number * room)?;
-        }
+        let pairs = size * (size + 1) / 2 * if self.gains { 2 } else { 1 };
+        at_least(&mut memory.sums, size * room)?;
+        at_least(&mut memory.holes, pairs * room)?;
+        at_least(&mut memory.results, orders * room)?;
+        at_least(&mut memory.gains, orders * room)?;
         let apply = |runner: &Runner<f64>, x: &[f64], out: &mut [f64], scratch: &mut Scratch<f64>| {
             let mut outs: Vec<&mut [f64]> = out.chunks_mut(room).map(|order| &mut order[..count]).collect();
             runner.apply(Windows { x, first: 0, origin: 0, outs: &mut outs }, scratch)
@@ -245,7 +307,8 @@ impl<'a> Bulk<'a> {
         apply(&self.sums, z, &mut memory.sums[..size * room], &mut memory.scratch)?;
         apply(&self.holes, &memory.marks[..held], &mut memory.holes[..pairs * room], &mut memory.scratch)?;
         let (sums, holes, results) = (&memory.sums, &memory.holes, &mut memory.results[..orders * room]);
-        Arch::new().dispatch(Solve { bulk: self, sums, holes, results, room });
+        let gains = &mut memory.gains[..orders * room];
+        Arch::new().dispatch(Solve { bulk: self, sums, holes, results, gains, room });
         for (k, first) in memory.missing[..count].iter().enumerate() {
             if span - (memory.missing[k + span] - first) < self.support {
                 results.iter_mut().skip(k).step_by(room).for_each(|result| *result = f64::NAN);
@@ -255,12 +318,21 @@ impl<'a> Bulk<'a> {
     }
 }
 
+/// One part for every order, in the parts that tasks take: `sizes` are those of an order, a matrix and a part.
+fn cut<T>(out: &mut [T], sizes: (usize, usize, usize)) -> Vec<impl Iterator<Item = &mut [T]>> {
+    let (order, matrix, part) = sizes;
+    out.chunks_mut(order)
+        .map(|order| order.chunks_mut(matrix).flat_map(move |matrix| matrix.chunks_mut(part)))
+        .collect()
+}
+
 /// The systems of many windows side by side.
 struct Solve<'a> {
     bulk: &'a Bulk<'a>,
     sums: &'a [f64],
     holes: &'a [f64],
     results: &'a mut [f64],
+    gains: &'a mut [f64],
     room: usize,
 }
 
@@ -269,7 +341,7 @@ impl WithSimd for Solve<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        let Self { bulk, sums, holes, results, room } = self;
+        let Self { bulk, sums, holes, results, gains, room } = self;
         let lanes = size_of::<S::f64s>() / size_of::<f64>();
         let (size, whole) = (bulk.whole.degree + 1, bulk.whole);
         let zero = simd.splat_f64s(0.0);
@@ -310,16 +382,28 @@ impl WithSimd for Solve<'_> {
                         g[i] = simd.sub_f64s(g[i], simd.mul_f64s(lower[k][i], g[k]));
                     }
                 }
-                // The missing samples' share in the gain is left in, so that this is an upper bound.
                 let (mut estimate, mut gain) = (zero, zero);
-                for i in 0..size {
-                    let sum = load::<S>(&sums[i * room + first..]);
-                    estimate = simd.mul_add_e_f64s(g[i], sum, estimate);
+                for (i, &factor) in g.iter().enumerate().take(size) {
+                    estimate = simd.mul_add_e_f64s(factor, load::<S>(&sums[i * room + first..]), estimate);
                     let mut row = zero;
-                    for (factor, g) in whole.spread[i * size..][..size].iter().zip(g) {
-                        row = simd.mul_add_e_f64s(simd.splat_f64s(*factor), g, row);
+                    for (spread, g) in whole.spread[i * whole.size..][..size].iter().zip(g) {
+                        row = simd.mul_add_e_f64s(simd.splat_f64s(*spread), g, row);
                     }
-                    gain = simd.mul_add_e_f64s(row, g[i], gain);
+                    gain = simd.mul_add_e_f64s(row, factor, gain);
+                }
+                // Or else the missing samples' share is left in: an upper bound.
+                if bulk.gains {
+                    let mut pair = size * (size + 1) / 2;
+                    for i in 0..size {
+                        for j in 0..=i {
+                            let twice = simd.splat_f64s(if i == j { 1.0 } else { 2.0 });
+                            let share = simd.mul_f64s(simd.mul_f64s(g[i], g[j]), twice);
+                            let missing = load::<S>(&holes[pair * room + first..]);
+                            gain = simd.sub_f64s(gain, simd.mul_f64s(share, missing));
+                            pair += 1;
+                        }
+                    }
+                    simd.partial_store_f64s(&mut gains[index * room + first..][..lanes], gain);
                 }
                 let nan = simd.splat_f64s(f64::NAN);
                 let bounded = simd.less_than_or_equal_f64s(gain, simd.splat_f64s(*limit));
