@@ -1,8 +1,8 @@
 """Speed where every window is a fit of its own: gaps, uneven times, error bars; results are checked before.
 
-Gaps are compared with the same call on data without gaps, uneven times with loops of the same fits. SciPy's splines solve
-another problem, one curve through all samples, and are named for what their users wait; there is nothing to check them
-against.
+Gaps are compared with the same call on data without gaps, uneven times with loops of the same fits. SciPy's splines
+solve another problem, one curve through all samples, and are named for what their users wait; there is nothing to check
+them against.
 """
 
 from __future__ import annotations
@@ -118,23 +118,26 @@ def uneven(window_length: int, count: int, repeat: int) -> dict[str, float]:
         "algdiff, with std": partial(design, x, t=t, return_std=True, sigma=0.1, threads=1),
         "loop of numpy.polyfit": partial(loop, polyfit, t, x, window_length, few),
     }
-    counts = {name: count for name in calls} | {"loop of numpy.polyfit": few}
+    counts = dict.fromkeys(calls, count) | {"loop of numpy.polyfit": few}
     try:
         from scipy import interpolate
     except ImportError:
         pass
     else:
-        knots = t[2 : -2 : max(window_length // 4, 1)]
         part = min(count, 20000)
+        some, values = t[:part], x[:part]
+        knots = np.r_[(t[0],) * 4, some[2 : -2 : max(window_length // 4, 1)][1:-1], (some[-1],) * 4]
+        splines: dict[str, Callable[[], Any]] = {
+            "scipy make_lsq_spline, a knot in 1/4 window": partial(interpolate.make_lsq_spline, some, values, knots, 3),
+            "scipy make_smoothing_spline, lam known": partial(
+                interpolate.make_smoothing_spline, some, values, lam=float(window_length) ** 3
+            ),
+        }
         calls["loop of scipy.linalg.lstsq"] = partial(loop, lstsq, t, x, window_length, few)
-        calls["scipy make_lsq_spline, a knot in 1/4 window"] = lambda: interpolate.make_lsq_spline(
-            t, x, np.r_[(t[0],) * 4, knots[1:-1], (t[-1],) * 4], 3
-        ).derivative()(t)
-        calls["scipy make_smoothing_spline, lam known"] = lambda: interpolate.make_smoothing_spline(
-            t[:part], x[:part], lam=float(window_length) ** 3
-        ).derivative()(t[:part])
-        counts |= {"loop of scipy.linalg.lstsq": few, "scipy make_lsq_spline, a knot in 1/4 window": count}
-        counts["scipy make_smoothing_spline, lam known"] = part
+        counts["loop of scipy.linalg.lstsq"] = few
+        for name, spline in splines.items():
+            calls[name] = lambda spline=spline: spline().derivative()(some)
+            counts[name] = part
     best = best_of(calls, repeat, budget=10.0)
     return {name: seconds / counts[name] for name, seconds in best.items()}
 
