@@ -1,6 +1,8 @@
 //! Every estimate by a fit of its own: where samples are missing, unevenly spaced or of unequal weight, and where the error of
 //! each estimate is wanted.
 
+pub(crate) mod panel;
+
 use pulp::Arch;
 
 use crate::control::Control;
@@ -9,9 +11,10 @@ use crate::engine::Sample;
 use crate::error::{Error, at_least};
 use crate::frame::Layout;
 use crate::gaps::{Aim, Refit, Whole};
-use crate::irregular::{Times, Window, Windows};
+use crate::irregular::{Times, Wanted, Window, Windows};
 use crate::local::{Block, Model, SIDE, Sheet, dots};
 use crate::threads::{Load, share};
+use panel::{Lanes, MOST, Panel};
 
 /// Work of a piece, after which a thread looks whether to go on: some milliseconds.
 const PIECE: usize = 1 << 22;
@@ -110,7 +113,9 @@ impl Fits<'_> {
             return Ok(());
         }
         let work = self.work();
-        let piece = (PIECE / work).clamp(1, 1 << 13).min(count);
+        let panelled = self.panelled() && results.bias.is_none();
+        let group = if panelled { SIDE * self.layout.outer * self.layout.inner } else { 1 };
+        let piece = (PIECE / work).clamp(1, 1 << 13).next_multiple_of(group).min(count);
         let mut estimate = cut(Some(results.estimate), count, piece);
         let mut std = cut(results.std, count, piece);
         let mut bias = cut(results.bias, count, piece);
@@ -133,7 +138,7 @@ impl Fits<'_> {
             let mut memory = Memory::default();
             while let Some(piece) = next() {
                 let done = piece.estimate.first().map_or(0, |part| part.len());
-                Work { fits: self, x, memory: &mut memory, piece }.run()?;
+                Work { fits: self, x, memory: &mut memory, piece, panelled }.run()?;
                 progress.proceed(done, between)?;
             }
             Ok(())
@@ -168,6 +173,33 @@ impl Fits<'_> {
         } else {
             Err(Error::argument("out", results.estimate.len(), "as long as there are estimates"))
         }
+    }
+
+    /// Whether windows of uneven samples may be fitted side by side: nothing makes one different from its neighbour.
+    fn panelled(&self) -> bool {
+        let levels = matches!(self.noise, Noise::Unit | Noise::Level(PerSample::Shared(_)));
+        let counted = matches!(self.windows.times, Times::Stamps { duration: None, .. });
+        let samples = matches!(self.windows.wanted, Wanted::Samples);
+        let alike = self.weights.is_none() && self.listed.is_none() && self.allowed.gain[0] == f64::INFINITY;
+        let small = self.model.degree < MOST && self.allowed.support <= self.whole.span() && self.whole.span() > 1;
+        levels && counted && samples && alike && small && self.model.whole_exponents()
+    }
+
+    /// Where the windows of [`SIDE`] estimates from `output` on lie, if all of them lie around their estimates.
+    fn neighbours(&self, output: usize) -> Option<(usize, Lanes)> {
+        let (center, span, samples) = (self.windows.center, self.whole.span(), self.windows.samples);
+        let first = output.cast_signed() - center;
+        if first < 0 || output + SIDE > samples || first.cast_unsigned() + span + SIDE - 1 > samples {
+            return None;
+        }
+        let mut lanes = Lanes::default();
+        for lane in 0..SIDE {
+            let window = self.windows.window(self.whole, output + lane)?;
+            lanes.origin[lane] = window.origin;
+            lanes.factor[lane] = window.length.recip();
+            lanes.place[lane] = 2.0 * window.place - 1.0;
+        }
+        Some((first.cast_unsigned(), lanes))
     }
 
     /// What one estimate costs, in multiplications, roughly.
@@ -236,6 +268,7 @@ struct Memory {
     /// The window that the weights are of, if none of its samples was missing; and whether they reach the higher degree.
     fitted: Option<Window>,
     reaches: bool,
+    panel: Panel,
     arch: Arch,
 }
 
@@ -255,16 +288,71 @@ struct Work<'a, 'o, T> {
     x: &'a [T],
     memory: &'a mut Memory,
     piece: Piece<'o, T>,
+    /// Whether neighbouring windows may be fitted side by side.
+    panelled: bool,
 }
 
 impl<T: Sample> Work<'_, '_, T> {
     fn run(mut self) -> Result<(), Error> {
         let length = self.piece.estimate.first().map_or(0, |part| part.len());
-        for k in 0..length {
+        let group = SIDE * self.fits.layout.outer * self.fits.layout.inner;
+        let mut k = 0;
+        while k < length {
             let (output, row) = self.fits.place(self.piece.first + k);
-            self.one(k, output, row)?;
+            if row == (Row { outer: 0, inner: 0 }) && k + group <= length && self.side_by_side(k, output)? {
+                k += group;
+            } else {
+                self.one(k, output, row)?;
+                k += 1;
+            }
         }
         Ok(())
+    }
+
+    /// The windows of neighbouring estimates, of all rows, as far as they are alike; false if they are not.
+    fn side_by_side(&mut self, k: usize, output: usize) -> Result<bool, Error> {
+        let fits = self.fits;
+        let Some((first, lanes)) = self.panelled.then(|| fits.neighbours(output)).flatten() else { return Ok(false) };
+        let Times::Stamps { t, .. } = fits.windows.times else { return Ok(false) };
+        let (count, held) = (fits.whole.span(), fits.whole.span() + SIDE - 1);
+        if !self.memory.panel.weigh(fits.model, &t[first..][..held], count, lanes)? {
+            return Ok(false);
+        }
+        let unit = lanes.factor.map(|factor| 2.0 * factor);
+        // The sample at the estimate, or the nearest to it in the window.
+        let center = fits.windows.center.clamp(0, count.cast_signed() - 1).cast_unsigned();
+        let rows = fits.layout.outer * fits.layout.inner;
+        for number in 0..rows {
+            let row = Row { outer: number / fits.layout.inner, inner: number % fits.layout.inner };
+            at_least(&mut self.memory.times, held)?;
+            let start = (row.outer * fits.layout.samples + first) * fits.layout.inner + row.inner;
+            let samples = self.x[start..].iter().step_by(fits.layout.inner);
+            self.memory.times.iter_mut().zip(samples).take(held).for_each(|(value, x)| *value = x.to_f64());
+            if !self.memory.times[..held].iter().fold(true, |finite, x| finite & x.is_finite()) {
+                for lane in 0..SIDE {
+                    self.one(k + lane * rows + number, output + lane, row)?;
+                }
+                continue;
+            }
+            let mut reference = [0.0; SIDE];
+            reference.copy_from_slice(&self.memory.times[center..][..SIDE]);
+            for index in 0..fits.model.orders.len() {
+                let levels =
+                    if let Noise::Level(PerSample::Shared(levels)) = fits.noise { levels.get(first..) } else { None };
+                let memory = &*self.memory;
+                let (values, variances) = memory.panel.apply(index, &memory.times[..held], levels, &reference);
+                for lane in 0..SIDE {
+                    let (value, variance) = (values[lane], variances[lane]);
+                    self.memory.reference = reference[lane];
+                    let estimate = Estimate { value, variance, more: 0.0 };
+                    self.put(k + lane * rows + number, index, estimate, unit[lane]);
+                }
+            }
+            (0..SIDE).for_each(|lane| self.count(k + lane * rows + number, count));
+        }
+        self.memory.fitted = None;
+        self.memory.solved = None;
+        Ok(true)
     }
 
     /// Everything that is wanted of one window.

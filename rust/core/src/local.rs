@@ -25,7 +25,7 @@ pub(crate) type Block = [f64; SIDE];
 
 /// A polynomial whose norm on the samples is below this share of that of `u` times the one before is zero on them but for
 /// rounding: there are too few samples for its degree.
-const VANISHES: f64 = 1e-14;
+pub(crate) const VANISHES: f64 = 1e-14;
 
 /// Exponents up to this one are powers, not logarithms.
 const POWERS: f64 = 8.0;
@@ -63,6 +63,13 @@ impl Model {
             peak = peak.max(*weight);
         }
         base.iter_mut().for_each(|weight| *weight = (*weight - peak).exp());
+    }
+
+    /// Whether the weights are products of few factors.
+    pub(crate) fn whole_exponents(&self) -> bool {
+        [self.family.alpha, self.family.beta]
+            .iter()
+            .all(|exponent| exponent.fract() == 0.0 && (0.0..=POWERS).contains(exponent))
     }
 
     /// The highest degree.
@@ -152,9 +159,8 @@ impl Sheet {
     pub fn lay(&mut self, model: &Model, times: &[f64], origin: f64, factor: f64, half: f64) -> Result<(), Error> {
         self.prepare(times.len(), model.top())?;
         let Jacobi { alpha, beta } = model.family;
-        let whole = |exponent: f64| exponent.fract() == 0.0 && (0.0..=POWERS).contains(&exponent);
         let (places, weights) = (&mut self.places[..self.blocks], &mut self.weights[..self.blocks]);
-        if whole(alpha) && whole(beta) {
+        if model.whole_exponents() {
             let exponents = [alpha as usize, beta as usize];
             self.arch.dispatch(Lay { times, origin, factor, exponents, places, weights });
         } else {
