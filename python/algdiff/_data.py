@@ -68,6 +68,8 @@ class Data:
         )
         self.parts = [(np.ascontiguousarray(np.moveaxis(part, 0, self.axis)), constant) for part, constant in parts]
         self._weigh(wish, len(parts))
+        if self.missing and wish.nan_policy == "raise":
+            self._refuse_missing(values)
         if wish.return_std:
             self._measure(values, wish, len(parts))
 
@@ -92,13 +94,19 @@ class Data:
             self.missing = values.size > 0 and bool(np.isnan(values.min() if dtype.kind == "f" else values.sum()))
         if self.missing and dtype.kind == "c":
             values[np.isnan(values)] = complex(math.nan, math.nan)
-        if self.missing and wish.nan_policy == "raise":
-            places = np.flatnonzero(np.isnan(np.moveaxis(values, 0, self.axis)))
-            if places.size:
-                raise ValueError(
-                    f"x must hold no missing samples with nan_policy = 'raise', got {places.size} of {values.size}"
-                )
         return values
+
+    def _refuse_missing(self, values: Samples) -> None:
+        """Refuse missing samples, but for those of weight 0, which are left out anyway."""
+        gone = np.moveaxis(np.isnan(values), 0, self.axis)
+        if self.weights is not None:
+            along = [1] * len(self.shape)
+            along[self.axis] = self.samples
+            gone &= self.weights.reshape(along if self.weights.size == self.samples else self.shape) > 0
+        if gone.any():
+            raise ValueError(
+                f"x must hold no missing samples with nan_policy = 'raise', got {gone.sum()} of {gone.size}"
+            )
 
     def _weigh(self, wish: Wish, parts: int) -> None:
         self.weights = self.level = self.autocovariance = None

@@ -128,6 +128,8 @@ class _Job:
     def listed(self, flat: Samples) -> NDArray[np.int64]:
         """Return which estimates need a fit of their own: those that miss samples, and those of shrunken windows."""
         listed = np.empty(0, np.intp)
+        if flat.size == 0:
+            return listed.astype(np.int64)
         # Without "omit" there is nothing to fit, but samples to count.
         if self.omit or (self.data.missing and self.wish.return_support):
             listed = np.flatnonzero(np.isnan(flat).any(axis=0))
