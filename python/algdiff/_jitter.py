@@ -32,7 +32,7 @@ SHARE = 1e-3
 """The largest error of the correction, in standard deviations of the estimates."""
 
 FOLLOWS = 1.5
-"""The largest residual of the smoothed samples, in levels of the noise: beyond, the window does not follow the signal."""
+"""The largest residual of the smoothed samples, in levels of the noise, of a window that follows the signal."""
 
 LOOK = 1 << 14
 """Samples of each of the places at which the noise is looked at."""
