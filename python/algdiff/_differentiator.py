@@ -287,7 +287,8 @@ class Differentiator(Wishes, Filter):
             Samples, `delta` apart along `axis`. float32 and complex64 are computed in single, everything else in
             double precision; complex data as two real passes. What is not a contiguous array of native floats, in
             whatever order of its axes, is converted block by block: a memory map of a file may be longer than the
-            memory. Not changed, and not to be changed by others during the call.
+            memory. With any of the keywords from `t` to `autocovariance` it is copied whole if it is none. Not changed,
+            and not to be changed by others during the call.
         axis : int
             The axis of time in `x`.
         mode : {"fit", "valid", "nan", "nearest", "mirror", "wrap", "constant"}

@@ -86,12 +86,12 @@ class _Job:
 
     def slid(self, values: Samples) -> Estimates:
         """Return the estimates of sliding weights, and fits where those do not reach."""
-        stage = _stages(self.call.progress, 2)
+        stage = _stages(self.call.progress, 3)
         estimate = self.slide(values, stage())
         std, support = self.profiles(estimate)
         flat = estimate.reshape(self.orders, -1)
         if self.omit and self.data.autocovariance is None:
-            self.refill(values, flat, std, support)
+            self.refill(values, flat, (std, support), stage())
         listed = self.listed(flat)
         if listed.size:
             found = self.fit(values, self.layout, listed.size, listed=listed, progress=stage())
@@ -148,8 +148,15 @@ class _Job:
         start = listed // inner % self.data.outputs - (0 if self.data.valid else plan.aligned_position)
         return (start >= 0) & (start + plan.span <= samples)
 
-    def refill(self, values: Samples, flat: Samples, std: Samples | None, support: NDArray[Any] | None) -> None:
-        """Fill in many estimates at once."""
+    def refill(
+        self,
+        values: Samples,
+        flat: Samples,
+        more: tuple[Samples | None, NDArray[Any] | None],
+        progress: Progress | None,
+    ) -> None:
+        """Fill in many estimates at once, and of `more` their standard deviations and support."""
+        std, support = more
         self.fits.refill(
             values.reshape(-1),
             self.layout,
@@ -160,6 +167,7 @@ class _Job:
             max_gain=self.max_gain[1],
             min_support=self.data.limits.support,
             threads=threads_of.count(self.call.threads),
+            progress=progress,
         )
 
     def profiles(self, estimate: Samples) -> tuple[Samples | None, NDArray[Any] | None]:
