@@ -387,3 +387,26 @@ def test_a_scalar_and_words_are_refused() -> None:
         hessian(3.0, 7)
     with pytest.raises(TypeError, match="f must hold real or complex numbers"):
         hessian(np.array(["a"]), 7)
+
+
+def test_masked_samples_are_missing_and_the_result_is_masked() -> None:
+    y, x = np.mgrid[0:3:0.1, 0:4:0.1]
+    f = y**2 * x
+    gone = np.zeros(f.shape, bool)
+    gone[7:9, 11] = gone[20, 30] = True
+    masked = np.ma.MaskedArray(np.where(gone, 1e20, f), gone)
+    call: dict[str, Any] = {"window_length": 9, "nan_policy": "omit"}
+    for found, expected in [
+        (laplacian(masked, spacing=0.1, **call), 2 * x),
+        (partial(masked, (1, 1), spacing=0.1, **call), 2 * y),
+        (hessian(masked, spacing=0.1, **call)[0, 0], 2 * x),
+        (gradient(masked, 0.1, smooth=True, **call)[0], 2 * y * x),
+        (gradient(masked, 0.1, **call)[1], y**2),
+    ]:
+        assert isinstance(found, np.ma.MaskedArray)
+        assert not np.ma.is_masked(found)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
+    # Without "omit" whatever holds a masked sample is masked.
+    spread = laplacian(masked, 9, spacing=0.1)
+    assert np.ma.getmaskarray(spread)[gone].all()
+    assert not np.ma.getmaskarray(spread)[:3, :7].any()

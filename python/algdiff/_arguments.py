@@ -93,6 +93,21 @@ def samples(name: str, values: ArrayLike) -> Samples:
     return array.astype(working_dtype(array.dtype), copy=False)
 
 
+def unmasked(name: str, values: ArrayLike) -> Samples:
+    """Return `values` as `signal` does, with NaN where they are masked."""
+    if not isinstance(values, np.ma.MaskedArray) or not np.ma.is_masked(values):
+        return signal(name, np.ma.getdata(values) if isinstance(values, np.ma.MaskedArray) else values)
+    array = signal(name, np.ma.getdata(values))
+    array = array.astype(working_dtype(array.dtype))
+    array[np.ma.getmaskarray(values)] = np.nan
+    return array
+
+
+def remasked(values: ArrayLike, result: Samples) -> Samples:
+    """Return `result`, with a mask where it is NaN if `values` have one."""
+    return np.ma.MaskedArray(result, np.isnan(result)) if isinstance(values, np.ma.MaskedArray) else result
+
+
 def working_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
     """Return the type that samples are worked on in: float32 and complex64 stay what they are."""
     if dtype.kind == "c":

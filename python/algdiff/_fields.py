@@ -32,7 +32,8 @@ def partial(
     Parameters
     ----------
     f : array_like
-        Samples of a function of as many variables as `f` has dimensions.
+        Samples of a function of as many variables as `f` has dimensions. Masked samples count as NaN, and make the
+        result a masked array.
     deriv : sequence of int
         Order of the derivative along each of `axes`: of two, ``(1, 1)`` is the mixed derivative and ``(0, 2)`` the
         second along the last axis, smoothed along the first.
@@ -81,7 +82,7 @@ def partial(
     field = Field.of("partial", f, window_length, max(orders, default=0), **words)
     result = field.empty()
     field.write({tuple(each("deriv", orders, len(field.passes))): result})
-    return field.restored(result)
+    return arguments.remasked(f, field.restored(result))
 
 
 def laplacian(
@@ -127,7 +128,8 @@ def laplacian(
     """
     words = {**window, "spacing": spacing, "axes": axes, "degree": degree, "smooth": smooth}
     field = Field.of("laplacian", f, window_length, 2, **words)
-    return field.restored(_smooth_sum(field) if field.smooth and len(field.passes) > 1 else _sum(field))
+    total = _smooth_sum(field) if field.smooth and len(field.passes) > 1 else _sum(field)
+    return arguments.remasked(f, field.restored(total))
 
 
 def hessian(
@@ -183,7 +185,7 @@ def hessian(
     for i, j in pairs:
         if i != j:
             np.copyto(result[j, i], result[i, j])
-    return field.restored(result)
+    return arguments.remasked(f, field.restored(result))
 
 
 def _sum(field: Field) -> Samples:

@@ -31,7 +31,8 @@ def gradient(
     Parameters
     ----------
     f : array_like
-        Samples of a function of as many variables as `f` has dimensions.
+        Samples of a function of as many variables as `f` has dimensions. With a window masked samples count as NaN,
+        and the result is masked.
     *varargs : float or array_like, optional
         Spacing: one number for all axes, or for each axis a number or the coordinates of the samples, which may be
         uneven and may descend.
@@ -80,7 +81,7 @@ def gradient(
         return tuple(plain) if isinstance(plain, (list, tuple)) else cast("Samples", plain)
     if edge_order not in (1, 2):
         raise ValueError(f"edge_order must be 1 or 2, got {edge_order!r}")
-    values = arguments.signal("f", f)
+    values = arguments.unmasked("f", f)
     axes = axes_of("axis", axis, values.ndim)
     spacing = varargs or (1.0,)
     if len(spacing) == 1 and np.ndim(spacing[0]) == 0:
@@ -88,6 +89,7 @@ def gradient(
     if len(spacing) != len(axes):
         raise TypeError(f"spacing must be one number or one entry for each of the {len(axes)} axes, got {len(varargs)}")
     result = (_smoothed if flag("smooth", smooth) and axes else _alone)(values, axes, spacing, window_length, window)
+    result = [arguments.remasked(f, part) for part in result]
     return result[0] if len(result) == 1 else tuple(result)
 
 

@@ -104,7 +104,7 @@ class Field(NamedTuple):
         call = {name: value for name, value in window.items() if name in CALL}
         if isinstance(call.get("mode"), str) and call["mode"] == "valid":
             raise ValueError("mode must keep the shape, as 'fit', 'nan', 'nearest' and so on do, got 'valid'")
-        values = arguments.signal("f", f)
+        values = arguments.unmasked("f", f)
         kind = arguments.number if values.dtype.kind == "c" else arguments.real
         cval = kind("cval", call.pop("cval", 0.0))
         found = axes_of("axes", axes, values.ndim)
