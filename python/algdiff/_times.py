@@ -151,7 +151,9 @@ def lasting(
     window_duration: object, window_length: object, t: ArrayLike | None, step: float, degree: Any, deriv: Any
 ) -> int:
     """Return how many samples a window of this duration usually holds, but enough for the fit."""
-    if window_duration is None or window_length is not None:
+    if window_duration is None:
+        raise TypeError(f"window_length must be an integer, got {window_length!r}; or give window_duration")
+    if window_length is not None:
         raise ValueError(f"give window_length or window_duration: got {window_length!r} and {window_duration!r}")
     if t is not None:
         stamps = Stamps(t, np.size(t))
