@@ -14,6 +14,7 @@ use crate::frame::Layout;
 use crate::gaps::Whole;
 use crate::irregular::{Times, Wanted, Windows};
 use crate::local::{Model, SIDE};
+use crate::tasks::cut;
 use crate::threads::{Load, share};
 
 /// Work of a piece, after which a thread looks whether to go on: some milliseconds.
@@ -116,9 +117,9 @@ impl Fits<'_> {
         let panelled = self.panelled() && results.bias.is_none();
         let group = if panelled { SIDE * self.layout.outer * self.layout.inner } else { 1 };
         let piece = (PIECE / work).clamp(1, 1 << 13).next_multiple_of(group).min(count);
-        let mut estimate = cut(Some(results.estimate), count, piece);
-        let mut std = cut(results.std, count, piece);
-        let mut bias = cut(results.bias, count, piece);
+        let sizes = (count, count, piece);
+        let mut estimate = cut(Some(results.estimate), sizes);
+        let (mut std, mut bias) = (cut(results.std, sizes), cut(results.bias, sizes));
         let mut support = results.support.map(|support| support.chunks_mut(piece));
         let mut first = 0;
         let tasks = std::iter::from_fn(|| {
@@ -230,9 +231,4 @@ impl Fits<'_> {
             PerSample::Each(values) => values[(row.outer * samples + j) * inner + row.inner],
         }
     }
-}
-
-/// One part for every order, in pieces.
-fn cut<T>(out: Option<&mut [T]>, count: usize, piece: usize) -> Vec<std::slice::ChunksMut<'_, T>> {
-    out.map_or_else(Vec::new, |out| out.chunks_mut(count).map(|order| order.chunks_mut(piece)).collect())
 }

@@ -5,11 +5,6 @@
 //! `G = 1 - sum over M of Q_j Q_j^T`: a system as small as the fit has coefficients, the dual of the one that the hat matrix gives for
 //! the missing values. With `G g = q^(n)(u)` the estimate is `g . Q^T sqrt(W) x`, and its weights are `sqrt(W_j) Q_j . g`.
 
-#![expect(
-    clippy::inline_always,
-    reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
-)]
-
 pub mod bulk;
 
 use std::ops::Range;
@@ -30,10 +25,6 @@ pub struct Whole {
     degree: usize,
     size: usize,
     sheet: Sheet,
-    /// The places on [0, 1] and the square roots of the weights, one sample after the other.
-    places: Vec<f64>,
-    /// See `places`.
-    root: Vec<f64>,
     /// `sqrt(W) Q`, one column of blocks after another.
     functionals: Vec<Block>,
     /// The rows of Q, if they are no longer than a block.
@@ -66,16 +57,9 @@ impl Whole {
         let (span, size, length) = (kept.len(), model.top() + 1, window_length as f64);
         let mut places = try_vec(span, 0.0)?;
         places.iter_mut().zip(kept.start..).for_each(|(s, j)| *s = (j as f64 + 0.5) / length);
-        let mut root = try_vec(span, 0.0)?;
-        model.base(&places, 0.5 / length, &mut root);
         let mut sheet = Sheet::default();
         // Where the window is too short for the bias, the rest of it is still good.
-        sheet.prepare(span, model.top())?;
-        for (k, (s, weight)) in places.iter().zip(&root).enumerate() {
-            sheet.places.as_flattened_mut()[k] = 2.0 * s - 1.0;
-            sheet.weights.as_flattened_mut()[k] = *weight;
-        }
-        root.iter_mut().for_each(|weight| *weight = weight.sqrt());
+        sheet.lay(model, &places, 0.0, 1.0, 0.5 / length)?;
         let blocks = sheet.blocks();
         let complete = sheet.orthonormalise();
         if !complete {
@@ -110,13 +94,18 @@ impl Whole {
             }
         }
         let degree = model.degree;
-        Ok(Self { window_length, kept, degree, size, sheet, places, root, functionals, rows, spread })
+        Ok(Self { window_length, kept, degree, size, sheet, functionals, rows, spread })
     }
 
     /// Samples that have a weight.
     #[must_use]
     pub fn span(&self) -> usize {
-        self.places.len()
+        self.kept.len()
+    }
+
+    /// Square roots of the weights.
+    fn root(&self) -> &[f64] {
+        &self.sheet.root().as_flattened()[..self.span()]
     }
 
     /// Samples of the nominal window.
@@ -142,7 +131,6 @@ impl Whole {
     }
 
     /// Makes `aim` that of the point `u`, unless it is already.
-    #[inline(always)]
     pub(crate) fn aim(&self, model: &Model, u: f64, aim: &mut Aim) -> Result<(), Error> {
         if !aim.gains.is_empty() && aim.u == u {
             return Ok(());
@@ -165,9 +153,9 @@ impl Whole {
         let mut values = Vec::new();
         for (k, &position) in positions.iter().enumerate() {
             self.sheet.derive(2.0 * self.place(position) - 1.0, model.highest(), &mut values)?;
-            let orders = model.orders.iter().zip(&model.whole).zip(out.chunks_mut(positions.len()));
-            for ((order, whole), out) in orders {
-                let degree = if ideal { *whole } else { model.degree };
+            let orders = model.orders.iter().zip(out.chunks_mut(positions.len()));
+            for (index, (order, out)) in orders.enumerate() {
+                let degree = model.degree_of(index, ideal);
                 out[k] = self.gain(&values[order * self.size..][..=degree]) * 4.0_f64.powi(*order as i32);
             }
         }
@@ -175,7 +163,6 @@ impl Whole {
     }
 
     /// The square of the norm of the weights with the coefficients `g`.
-    #[inline(always)]
     fn gain(&self, g: &[f64]) -> f64 {
         let rows = self.spread.chunks_exact(self.size).zip(g);
         rows.map(|(row, value)| value * row.iter().zip(g).map(|(s, g)| s * g).sum::<f64>()).sum()
@@ -183,7 +170,6 @@ impl Whole {
 
     /// `Q^T sqrt(W) x` of the samples `z`, those missing being 0, and the factors of G without the samples `missing`; false if
     /// too little is left of the window.
-    #[inline(always)]
     pub(crate) fn without(&self, missing: &[usize], z: &[Block], refit: &mut Refit) -> bool {
         let (size, blocks) = (self.size, self.sheet.blocks());
         refit.g = [[0.0; SIDE]; SIDE];
@@ -201,20 +187,18 @@ impl Whole {
     }
 
     /// The estimate of the order number `index` by the fit of the degree `size - 1`.
-    #[inline(always)]
     pub(crate) fn estimate(&self, aim: &Aim, index: usize, size: usize, refit: &mut Refit) -> f64 {
         refit.solve(&aim.moments[index * self.size..][..size]);
         refit.solution[..size].iter().zip(&refit.sums).map(|(g, sum)| g * sum).sum()
     }
 
     /// The square of the norm of the weights of the last estimate.
-    #[inline(always)]
     pub(crate) fn refitted_gain(&self, missing: &[usize], refit: &Refit) -> f64 {
-        let g = &refit.solution;
+        let (g, root) = (&refit.solution, self.root());
         let left_out: f64 = missing
             .iter()
             .map(|&j| {
-                let weight = self.root[j] * self.rows[j].iter().zip(g).map(|(q, g)| q * g).sum::<f64>();
+                let weight = root[j] * self.rows[j].iter().zip(g).map(|(q, g)| q * g).sum::<f64>();
                 weight * weight
             })
             .sum();
@@ -222,7 +206,6 @@ impl Whole {
     }
 
     /// The weights themselves of the last estimate.
-    #[inline(always)]
     pub(crate) fn refitted_weights(&self, missing: &[usize], refit: &Refit, weights: &mut [Block]) {
         weights.fill([0.0; SIDE]);
         for (g, column) in refit.solution.iter().zip(self.functionals.chunks_exact(self.sheet.blocks())) {
@@ -245,7 +228,6 @@ pub struct Refit {
 }
 
 impl Refit {
-    #[inline(always)]
     fn factorise(&mut self, size: usize) -> bool {
         for i in 0..size {
             for j in 0..=i {
@@ -268,7 +250,6 @@ impl Refit {
     }
 
     /// Solves for `g`; a shorter right side is one of the leading system, of a fit of a lower degree.
-    #[inline(always)]
     fn solve(&mut self, right: &[f64]) {
         let size = right.len();
         self.solution = [0.0; SIDE];
@@ -293,10 +274,9 @@ mod tests {
     fn anew(whole: &Whole, model: &Model, missing: &[usize], u: f64) -> Vec<Vec<f64>> {
         let mut sheet = Sheet::default();
         sheet.prepare(whole.span(), model.degree).expect("small");
-        for (k, (s, root)) in whole.places.iter().zip(&whole.root).enumerate() {
-            sheet.places.as_flattened_mut()[k] = 2.0 * s - 1.0;
-            sheet.weights.as_flattened_mut()[k] = if missing.contains(&k) { 0.0 } else { root * root };
-        }
+        sheet.places.copy_from_slice(&whole.sheet.places);
+        sheet.weights.copy_from_slice(&whole.sheet.weights);
+        missing.iter().for_each(|&k| sheet.weights.as_flattened_mut()[k] = 0.0);
         assert!(sheet.orthonormalise());
         let mut values = Vec::new();
         sheet.derive(u, model.highest(), &mut values).expect("small");

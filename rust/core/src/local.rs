@@ -13,8 +13,8 @@ use pulp::Arch;
 
 use crate::error::{Error, at_least};
 use crate::jacobi::{Jacobi, ln_power};
-pub(crate) use kernels::dots;
 use kernels::{Lay, Orthonormalise, Weigh};
+pub(crate) use kernels::{dots, load, reciprocal, store};
 
 /// Samples that are worked on side by side.
 pub(crate) const SIDE: usize = 8;
@@ -81,6 +81,11 @@ impl Model {
         self.whole.iter().copied().fold(self.degree, usize::max)
     }
 
+    /// The degree of the fit of the order number `index`, to a window that is whole and where it should be or to another.
+    pub(crate) fn degree_of(&self, index: usize, ideal: bool) -> usize {
+        if ideal { self.whole[index] } else { self.degree }
+    }
+
     /// The highest order.
     pub(crate) fn highest(&self) -> usize {
         self.orders.iter().copied().max().unwrap_or(0)
@@ -91,10 +96,7 @@ impl Model {
 /// the window.
 fn multiply_by_power(base: &mut [f64], places: &[f64], half: f64, exponent: f64, from_end: impl Fn(f64) -> f64) {
     let ends = base.iter_mut().zip(places.iter().map(|&s| from_end(s)));
-    if exponent == 0.0 {
-    } else if exponent == 1.0 {
-        ends.for_each(|(weight, s)| *weight *= s.max(0.0));
-    } else if exponent < 0.0 {
+    if exponent < 0.0 {
         ends.for_each(|(weight, s)| *weight *= ln_cell(s, half, exponent).exp());
     } else if exponent.fract() == 0.0 {
         ends.for_each(|(weight, s)| *weight *= s.max(0.0).powi(exponent as i32));

@@ -1,13 +1,13 @@
 //! One thread's part of a run, row by row: the interior by the engine, the ends by the mode.
 
 use std::ops::Range;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::ends::Mode;
 use crate::engine::{Buffer, Sample, Scratch, Windows};
 use crate::error::{Error, at_least};
 use crate::fit::ends::End;
 use crate::frame::Frame;
+use crate::threads::Progress;
 
 /// Multiplications between two looks at the stop flag: less than a few milliseconds.
 const SLICE: usize = 1 << 22;
@@ -15,7 +15,7 @@ const SLICE: usize = 1 << 22;
 /// A thread's own memory, and the signal to stop.
 pub struct Worker<'a, T: Sample> {
     pub(crate) frame: &'a Frame<'a, T>,
-    stop: &'a AtomicBool,
+    progress: &'a Progress,
     pub(crate) scratch: Scratch<T>,
     pub(crate) gathered: Buffer<T>,
     pub(crate) results: Buffer<T>,
@@ -50,10 +50,10 @@ impl<'x, T> Row<'x, T> {
 
 impl<'a, T: Sample> Worker<'a, T> {
     /// Memory for one thread.
-    pub fn new(frame: &'a Frame<'a, T>, stop: &'a AtomicBool) -> Self {
+    pub fn new(frame: &'a Frame<'a, T>, progress: &'a Progress) -> Self {
         Self {
             frame,
-            stop,
+            progress,
             scratch: Scratch::default(),
             gathered: Buffer::default(),
             results: Buffer::default(),
@@ -65,8 +65,7 @@ impl<'a, T: Sample> Worker<'a, T> {
 
     /// Whether to go on.
     pub fn proceed(&self, between: &mut dyn FnMut()) -> Result<(), Error> {
-        between();
-        if self.stop.load(Ordering::Relaxed) { Err(Error::Interrupted) } else { Ok(()) }
+        self.progress.proceed(0, between)
     }
 
     /// `outputs` of one row, for every order.

@@ -162,3 +162,10 @@ fn split<'o, T>(rest: &mut &'o mut [T], length: usize) -> &'o mut [T] {
     let length = length.min(rest.len());
     rest.split_off_mut(..length).unwrap_or_default()
 }
+
+/// For every order its output in the parts that tasks take: `sizes` are those of an order, a matrix and a part of it.
+pub fn cut<T>(out: Option<&mut [T]>, sizes: (usize, usize, usize)) -> Vec<impl Iterator<Item = &mut [T]>> {
+    let (order, matrix, part) = sizes;
+    let orders = out.unwrap_or_default().chunks_mut(order);
+    orders.map(|order| order.chunks_mut(matrix).flat_map(move |matrix| matrix.chunks_mut(part))).collect()
+}

@@ -171,7 +171,7 @@ fn work_alone<'o, T: Sample + 'o>(
     progress: &Progress,
     between: &mut dyn FnMut(),
 ) -> Result<(), Error> {
-    let mut worker = Worker::new(frame, &progress.stop);
+    let mut worker = Worker::new(frame, progress);
     let matrix = frame.layout.samples * frame.layout.inner;
     while let Some(task) = next() {
         let done = match task {

@@ -9,7 +9,7 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::error::{Error, at_least};
-use crate::local::{Block, Model, SIDE, VANISHES};
+use crate::local::{Block, Model, SIDE, VANISHES, load, reciprocal, store};
 
 /// Coefficients of a fit, at most.
 pub(crate) const MOST: usize = 8;
@@ -95,7 +95,7 @@ impl WithSimd for Weigh<'_> {
             group.lay(times, &lanes, exponents);
             good &= group.orthonormalise(model.degree);
             let (weights, gains) = (&mut panel.weights, &mut panel.gains);
-            group.weights(model, load::<S>(&lanes.place, first), weights, gains);
+            group.weights(model, load::<S>(&lanes.place[first..]), weights, gains);
         }
         good
     }
@@ -119,12 +119,12 @@ impl<S: Simd> Group<'_, S> {
     #[inline(always)]
     fn lay(&mut self, times: &[f64], lanes: &Lanes, [kappa, mu]: [usize; 2]) {
         let (simd, first) = (self.simd, self.first);
-        let (origin, factor) = (load::<S>(&lanes.origin, first), load::<S>(&lanes.factor, first));
+        let (origin, factor) = (load::<S>(&lanes.origin[first..]), load::<S>(&lanes.factor[first..]));
         let (zero, one) = (simd.splat_f64s(0.0), simd.splat_f64s(1.0));
         for (j, (u, base)) in self.places.iter_mut().zip(self.base.iter_mut()).enumerate() {
-            let t = at::<S>(times, first + j);
+            let t = load::<S>(&times[first + j..]);
             let s = simd.mul_f64s(simd.sub_f64s(t, origin), factor);
-            store::<S>(u, first, simd.sub_f64s(simd.add_f64s(s, s), one));
+            store::<S>(&mut u[first..], simd.sub_f64s(simd.add_f64s(s, s), one));
             let (s, rest) = (simd.max_f64s(s, zero), simd.max_f64s(simd.sub_f64s(one, s), zero));
             let mut product = one;
             for _ in 0..kappa {
@@ -133,7 +133,7 @@ impl<S: Simd> Group<'_, S> {
             for _ in 0..mu {
                 product = simd.mul_f64s(product, rest);
             }
-            store::<S>(base, first, product);
+            store::<S>(&mut base[first..], product);
         }
     }
 
@@ -142,12 +142,12 @@ impl<S: Simd> Group<'_, S> {
         let (simd, first, count) = (self.simd, self.first, self.places.len());
         let mut mass = simd.splat_f64s(0.0);
         for base in &*self.base {
-            mass = simd.add_f64s(mass, load::<S>(base, first));
+            mass = simd.add_f64s(mass, load::<S>(&base[first..]));
         }
         let mut good = true;
         self.inverse[0] = self.reciprocal_root(mass, &mut good);
         for q in &mut self.basis[..count] {
-            store::<S>(q, first, self.inverse[0]);
+            store::<S>(&mut q[first..], self.inverse[0]);
         }
         for m in 0..degree {
             match m {
@@ -176,34 +176,34 @@ impl<S: Simd> Group<'_, S> {
         }
         let mut along = zero;
         for j in 0..count {
-            let q = load::<S>(&columns[N - 1][j], first);
-            let value = simd.mul_f64s(q, load::<S>(&self.places[j], first));
-            along = simd.mul_add_e_f64s(simd.mul_f64s(value, q), load::<S>(&self.base[j], first), along);
-            store::<S>(&mut next[j], first, value);
+            let q = load::<S>(&columns[N - 1][j][first..]);
+            let value = simd.mul_f64s(q, load::<S>(&self.places[j][first..]));
+            along = simd.mul_add_e_f64s(simd.mul_f64s(value, q), load::<S>(&self.base[j][first..]), along);
+            store::<S>(&mut next[j][first..], value);
         }
         // The norm of the last one was `1 / inverse`, and what it shares with the one before it.
         let before = if N > 1 { reciprocal::<S>(self.inverse[N - 1]) } else { zero };
         let mut shares = [zero; N];
         for j in 0..count {
-            let mut value = load::<S>(&next[j], first);
-            value = simd.sub_f64s(value, simd.mul_f64s(along, load::<S>(&columns[N - 1][j], first)));
+            let mut value = load::<S>(&next[j][first..]);
+            value = simd.sub_f64s(value, simd.mul_f64s(along, load::<S>(&columns[N - 1][j][first..])));
             if N > 1 {
-                value = simd.sub_f64s(value, simd.mul_f64s(before, load::<S>(&columns[N - 2][j], first)));
+                value = simd.sub_f64s(value, simd.mul_f64s(before, load::<S>(&columns[N - 2][j][first..])));
             }
-            store::<S>(&mut next[j], first, value);
-            let weighted = simd.mul_f64s(value, load::<S>(&self.base[j], first));
+            store::<S>(&mut next[j][first..], value);
+            let weighted = simd.mul_f64s(value, load::<S>(&self.base[j][first..]));
             for n in 0..N {
-                shares[n] = simd.mul_add_e_f64s(weighted, load::<S>(&columns[n][j], first), shares[n]);
+                shares[n] = simd.mul_add_e_f64s(weighted, load::<S>(&columns[n][j][first..]), shares[n]);
             }
         }
         let mut square = zero;
         for j in 0..count {
-            let mut value = load::<S>(&next[j], first);
+            let mut value = load::<S>(&next[j][first..]);
             for n in 0..N {
-                value = simd.sub_f64s(value, simd.mul_f64s(shares[n], load::<S>(&columns[n][j], first)));
+                value = simd.sub_f64s(value, simd.mul_f64s(shares[n], load::<S>(&columns[n][j][first..])));
             }
-            square = simd.mul_add_e_f64s(simd.mul_f64s(value, value), load::<S>(&self.base[j], first), square);
-            store::<S>(&mut next[j], first, value);
+            square = simd.mul_add_e_f64s(simd.mul_f64s(value, value), load::<S>(&self.base[j][first..]), square);
+            store::<S>(&mut next[j][first..], value);
         }
         let h = &mut self.h[N - 1];
         h[..N].copy_from_slice(&shares);
@@ -214,7 +214,8 @@ impl<S: Simd> Group<'_, S> {
         let inverse = self.reciprocal_root(square, good);
         self.inverse[N] = inverse;
         for next in &mut self.basis[N * count..][..count] {
-            store::<S>(next, first, simd.mul_f64s(load::<S>(next, first), inverse));
+            let value = simd.mul_f64s(load::<S>(&next[first..]), inverse);
+            store::<S>(&mut next[first..], value);
         }
     }
 
@@ -243,13 +244,13 @@ impl<S: Simd> Group<'_, S> {
             for (j, weight) in weights[index * count..][..count].iter_mut().enumerate() {
                 let mut sum = zero;
                 for (m, moment) in moments.iter().enumerate().take(size) {
-                    sum = simd.mul_add_e_f64s(*moment, load::<S>(&self.basis[m * count + j], first), sum);
+                    sum = simd.mul_add_e_f64s(*moment, load::<S>(&self.basis[m * count + j][first..]), sum);
                 }
-                let value = simd.mul_f64s(sum, load::<S>(&self.base[j], first));
+                let value = simd.mul_f64s(sum, load::<S>(&self.base[j][first..]));
                 gain = simd.mul_add_e_f64s(value, value, gain);
-                store::<S>(weight, first, value);
+                store::<S>(&mut weight[first..], value);
             }
-            store::<S>(&mut gains[index], first, gain);
+            store::<S>(&mut gains[index][first..], gain);
         }
     }
 
@@ -258,7 +259,7 @@ impl<S: Simd> Group<'_, S> {
     fn reciprocal_root(&self, square: S::f64s, good: &mut bool) -> S::f64s {
         let root = self.simd.sqrt_f64s(square);
         let mut numbers = [1.0; SIDE];
-        store::<S>(&mut numbers, 0, root);
+        store::<S>(&mut numbers, root);
         for number in &numbers[..self.width] {
             *good &= *number > VANISHES && number.is_finite();
         }
@@ -282,48 +283,21 @@ impl WithSimd for Apply<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { weights, samples, levels, reference, estimates, variances } = self;
         for first in (0..SIDE).step_by(size_of::<S::f64s>() / size_of::<f64>()) {
-            let (reference, mut sum) = (load::<S>(reference, first), simd.splat_f64s(0.0));
+            let (reference, mut sum) = (load::<S>(&reference[first..]), simd.splat_f64s(0.0));
             for (j, weight) in weights.iter().enumerate() {
-                let sample = simd.sub_f64s(at::<S>(samples, first + j), reference);
-                sum = simd.mul_add_e_f64s(load::<S>(weight, first), sample, sum);
+                let sample = simd.sub_f64s(load::<S>(&samples[first + j..]), reference);
+                sum = simd.mul_add_e_f64s(load::<S>(&weight[first..]), sample, sum);
             }
-            store::<S>(estimates, first, sum);
+            store::<S>(&mut estimates[first..], sum);
             let Some(levels) = levels else { continue };
             let mut sum = simd.splat_f64s(0.0);
             for (j, weight) in weights.iter().enumerate() {
-                let share = simd.mul_f64s(load::<S>(weight, first), at::<S>(levels, first + j));
+                let share = simd.mul_f64s(load::<S>(&weight[first..]), load::<S>(&levels[first + j..]));
                 sum = simd.mul_add_e_f64s(share, share, sum);
             }
-            store::<S>(variances, first, sum);
+            store::<S>(&mut variances[first..], sum);
         }
     }
-}
-
-#[inline(always)]
-fn reciprocal<S: Simd>(value: S::f64s) -> S::f64s {
-    let mut numbers = [1.0; SIDE];
-    store::<S>(&mut numbers, 0, value);
-    for number in &mut numbers {
-        *number = 1.0 / *number;
-    }
-    load::<S>(&numbers, 0)
-}
-
-/// The lanes of a block from `first` on.
-#[inline(always)]
-fn load<S: Simd>(block: &Block, first: usize) -> S::f64s {
-    S::as_simd_f64s(&block[first..]).0[0]
-}
-
-#[inline(always)]
-fn store<S: Simd>(block: &mut Block, first: usize, value: S::f64s) {
-    S::as_mut_simd_f64s(&mut block[first..]).0[0] = value;
-}
-
-/// Neighbouring numbers from `place` on.
-#[inline(always)]
-fn at<S: Simd>(numbers: &[f64], place: usize) -> S::f64s {
-    S::as_simd_f64s(&numbers[place..][..size_of::<S::f64s>() / size_of::<f64>()]).0[0]
 }
 
 #[cfg(test)]

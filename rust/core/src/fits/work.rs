@@ -239,12 +239,6 @@ impl<T: Sample> Work<'_, '_, T> {
         Ok(window.count - memory.missing.len() - memory.left_out.len())
     }
 
-    /// The degree of the fit of the order number `index`.
-    fn degree(&self, index: usize) -> usize {
-        let model = self.fits.model;
-        if self.memory.ideal { model.whole[index] } else { model.degree }
-    }
-
     /// Whether a noise gain is allowed.
     fn bounded(&self, index: usize, gain: f64) -> bool {
         let missing = !self.memory.missing.is_empty();
@@ -254,7 +248,7 @@ impl<T: Sample> Work<'_, '_, T> {
 
     /// One estimate by the whole window's fit without the missing samples.
     fn refitted(&mut self, index: usize, row: Row, window: &Window) -> Result<Estimate, Error> {
-        let degree = self.degree(index);
+        let degree = self.fits.model.degree_of(index, self.memory.ideal);
         let (fits, memory) = (self.fits, &mut *self.memory);
         let value = fits.whole.estimate(&memory.aim, index, degree + 1, &mut memory.refit);
         let gain = fits.whole.refitted_gain(&memory.missing, &memory.refit);
@@ -306,7 +300,7 @@ impl<T: Sample> Work<'_, '_, T> {
         at_least(&mut memory.more, if self.piece.bias.is_empty() { 0 } else { parts })?;
         for (index, order) in model.orders.iter().enumerate() {
             let moments = &memory.values[order * size..][..size];
-            let degree = if memory.ideal { model.whole[index] } else { model.degree };
+            let degree = model.degree_of(index, memory.ideal);
             memory.sheet.weigh(0, &moments[..=degree], &mut memory.weights[index * blocks..][..blocks]);
             if !self.piece.bias.is_empty() {
                 let more = moments.get(degree + 1..=model.beyond).unwrap_or_default();

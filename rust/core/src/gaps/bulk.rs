@@ -19,7 +19,8 @@ use crate::control::Control;
 use crate::engine::{Runner, Sample, Scratch, Taps, Windows};
 use crate::error::{Error, at_least};
 use crate::frame::Layout;
-use crate::local::{Model, SIDE};
+use crate::local::{Model, SIDE, load, reciprocal, store};
+use crate::tasks::cut;
 use crate::threads::{Load, share};
 
 /// Estimates that are worked on at a time: what they take stays in the second cache. Long windows need more, because neighbours
@@ -125,7 +126,7 @@ impl<'a> Bulk<'a> {
         let product = |(i, j): (usize, usize)| whole.rows.iter().map(|row| row[i] * row[j]).collect::<Vec<_>>();
         let mut products: Vec<Vec<f64>> = pairs.map(product).collect();
         if wanted.std {
-            let square = |row: Vec<f64>| row.iter().zip(&whole.root).map(|(q, root)| q * root * root).collect();
+            let square = |row: Vec<f64>| row.iter().zip(whole.root()).map(|(q, root)| q * root * root).collect();
             products.extend(products.clone().into_iter().map(square).collect::<Vec<_>>());
         }
         let holes = products.iter().map(|product| Taps::plain(product)).collect::<Result<Vec<_>, _>>()?;
@@ -168,15 +169,14 @@ impl<'a> Bulk<'a> {
         }
         let piece = (STRETCHES * self.longest() / layout.inner).clamp(self.longest().min(count), count);
         let sizes = (per_order, count * layout.inner, piece * layout.inner);
-        let mut outs = cut(found.estimate, sizes);
-        let mut stds = found.std.map_or_else(Vec::new, |std| cut(std, sizes));
-        let mut support = found.support.map(|support| cut(support, sizes));
+        let mut outs = cut(Some(found.estimate), sizes);
+        let (mut stds, mut support) = (cut(found.std, sizes), cut(found.support, sizes));
         let per_matrix = count.div_ceil(piece);
         let mut number = 0;
         let tasks = std::iter::from_fn(|| {
             let outs: Vec<&mut [T]> = outs.iter_mut().filter_map(Iterator::next).collect();
             let stds = stds.iter_mut().filter_map(Iterator::next).collect();
-            let support = support.iter_mut().flatten().find_map(Iterator::next).unwrap_or_default();
+            let support = support.iter_mut().find_map(Iterator::next).unwrap_or_default();
             let (outer, first) = (number / per_matrix, number % per_matrix * piece);
             number += 1;
             (!outs.is_empty()).then_some(Task { outer, first, outs, stds, support })
@@ -318,14 +318,6 @@ impl<'a> Bulk<'a> {
     }
 }
 
-/// One part for every order, in the parts that tasks take: `sizes` are those of an order, a matrix and a part.
-fn cut<T>(out: &mut [T], sizes: (usize, usize, usize)) -> Vec<impl Iterator<Item = &mut [T]>> {
-    let (order, matrix, part) = sizes;
-    out.chunks_mut(order)
-        .map(|order| order.chunks_mut(matrix).flat_map(move |matrix| matrix.chunks_mut(part)))
-        .collect()
-}
-
 /// The systems of many windows side by side.
 struct Solve<'a> {
     bulk: &'a Bulk<'a>,
@@ -359,7 +351,7 @@ impl WithSimd for Solve<'_> {
                     }
                     if i == j {
                         pivots = simd.min_f64s(pivots, value);
-                        inverse[i] = reciprocal(simd, value);
+                        inverse[i] = reciprocal::<S>(value);
                     } else {
                         below[i][j] = value;
                         lower[i][j] = simd.mul_f64s(value, inverse[j]);
@@ -403,32 +395,15 @@ impl WithSimd for Solve<'_> {
                             pair += 1;
                         }
                     }
-                    simd.partial_store_f64s(&mut gains[index * room + first..][..lanes], gain);
+                    store::<S>(&mut gains[index * room + first..], gain);
                 }
                 let nan = simd.splat_f64s(f64::NAN);
                 let bounded = simd.less_than_or_equal_f64s(gain, simd.splat_f64s(*limit));
                 let solved = simd.less_than_f64s(simd.splat_f64s(SMALLEST_PIVOT), pivots);
                 estimate = simd.select_f64s(bounded, estimate, nan);
                 estimate = simd.select_f64s(solved, estimate, nan);
-                simd.partial_store_f64s(&mut results[index * room + first..][..lanes], estimate);
+                store::<S>(&mut results[index * room + first..], estimate);
             }
         }
     }
-}
-
-#[inline(always)]
-fn load<S: Simd>(numbers: &[f64]) -> S::f64s {
-    S::as_simd_f64s(numbers).0[0]
-}
-
-/// `1 / value` in every lane.
-#[inline(always)]
-fn reciprocal<S: Simd>(simd: S, value: S::f64s) -> S::f64s {
-    let lanes = size_of::<S::f64s>() / size_of::<f64>();
-    let mut numbers = [1.0; SIDE];
-    simd.partial_store_f64s(&mut numbers[..lanes], value);
-    for number in &mut numbers {
-        *number = 1.0 / *number;
-    }
-    simd.partial_load_f64s(&numbers[..lanes])
 }

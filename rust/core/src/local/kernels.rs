@@ -7,7 +7,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::{Block, Sheet, VANISHES};
+use super::{Block, SIDE, Sheet, VANISHES};
 
 pub(super) struct Orthonormalise<'a>(pub &'a mut Sheet);
 
@@ -273,4 +273,27 @@ fn product<S: Simd>(simd: S, a: &[S::f64s], b: &[S::f64s]) -> f64 {
         sums[0] = simd.mul_add_e_f64s(*a, *b, sums[0]);
     }
     simd.reduce_sum_f64s(simd.add_f64s(sums[0], sums[1]))
+}
+
+/// The first numbers, as many as a register holds.
+#[inline(always)]
+pub(crate) fn load<S: Simd>(numbers: &[f64]) -> S::f64s {
+    S::as_simd_f64s(numbers).0[0]
+}
+
+/// Writes a register over the first numbers.
+#[inline(always)]
+pub(crate) fn store<S: Simd>(numbers: &mut [f64], value: S::f64s) {
+    S::as_mut_simd_f64s(numbers).0[0] = value;
+}
+
+/// `1 / value` in every lane.
+#[inline(always)]
+pub(crate) fn reciprocal<S: Simd>(value: S::f64s) -> S::f64s {
+    let mut numbers = [1.0; SIDE];
+    store::<S>(&mut numbers, value);
+    for number in &mut numbers {
+        *number = 1.0 / *number;
+    }
+    load::<S>(&numbers)
 }
