@@ -46,7 +46,7 @@ class Data:
 
     def __init__(self, x: ArrayLike, design: Differentiator, call: Call, wish: Wish) -> None:
         self.masked = isinstance(x, np.ma.MaskedArray)
-        given = arguments.signal("x", np.ma.getdata(x) if isinstance(x, np.ma.MaskedArray) else x)
+        given = arguments.unmasked("x", x)
         if wish.period is not None and given.dtype.kind == "c":
             raise TypeError("period must come with real samples, got complex ones")
         self.shape, self.axis = given.shape, arguments.axis_index(call.axis, given.ndim)
@@ -57,10 +57,10 @@ class Data:
         self.valid = call.mode == "valid"
         self.limits = limits(self.design, self.windows, self.samples, call, wish)
         if call.out is not None:
+            held = np.ma.getdata(x) if isinstance(x, np.ma.MaskedArray) else given
             leading = () if self.design._leading is None else (self.design._leading,)
-            arguments.check_output(call.out, (*leading, *self.output_shape), self.dtype, given)
-        mask = np.ma.getmaskarray(x) if isinstance(x, np.ma.MaskedArray) and np.ma.is_masked(x) else None
-        values = self._floats(given, mask, wish)
+            arguments.check_output(call.out, (*leading, *self.output_shape), self.dtype, held)
+        values = self._floats(given, wish)
         self.offsets = None if wish.period is None else _unwrap(values, wish.period)
         cval = (arguments.number if given.dtype.kind == "c" else arguments.real)("cval", call.cval)
         parts = (
@@ -78,17 +78,15 @@ class Data:
         first = np.moveaxis(array, self.axis, 0)
         return first[::-1] if self.stamps is not None and self.stamps.descending else first
 
-    def _floats(self, given: Samples, mask: NDArray[np.bool_] | None, wish: Wish) -> Samples:
+    def _floats(self, given: Samples, wish: Wish) -> Samples:
         """Return the samples with the axis of time first, NaN where one is missing; a copy if anything is changed."""
         # Turns are counted in double precision.
         dtype = np.dtype(np.float64) if wish.period is not None else self.dtype
         values = self._ascending(given)
-        if mask is not None or wish.period is not None or dtype.kind == "c":
+        if wish.period is not None or dtype.kind == "c":
             values = values.astype(dtype, order="C")
         else:
             values = values.astype(dtype, copy=False)
-        if mask is not None:
-            values[self._ascending(mask)] = np.nan
         # Faster than asking every sample.
         with np.errstate(invalid="ignore"):
             self.missing = values.size > 0 and bool(np.isnan(values.min() if dtype.kind == "f" else values.sum()))
@@ -100,9 +98,7 @@ class Data:
         """Refuse missing samples, but for those of weight 0, which are left out anyway."""
         gone = np.moveaxis(np.isnan(values), 0, self.axis)
         if self.weights is not None:
-            along = [1] * len(self.shape)
-            along[self.axis] = self.samples
-            gone &= self.weights.reshape(along if self.weights.size == self.samples else self.shape) > 0
+            gone &= self._over_rows(self.weights) > 0
         if gone.any():
             raise ValueError(
                 f"x must hold no missing samples with nan_policy = 'raise', got {gone.sum()} of {gone.size}"
@@ -138,10 +134,7 @@ class Data:
             return
         weights = None
         if self.weights is not None:
-            along = (self.samples, *(1 for _ in self.shape[1:]))
-            full = self.weights.reshape(along if self.weights.size == self.samples else self.shape)
-            weights = full if self.weights.size == self.samples else np.moveaxis(full, self.axis, 0)
-            weights = np.broadcast_to(weights, values.shape)
+            weights = np.broadcast_to(np.moveaxis(self._over_rows(self.weights), self.axis, 0), values.shape)
         level = _typical_level(values, self.windows.times, weights) / math.sqrt(parts)
         if self.weights is not None:
             # The level is that of a sample of weight 1.
@@ -164,6 +157,11 @@ class Data:
             reverse = self.stamps is not None and self.stamps.descending
             return np.ascontiguousarray(numbers[::-1] if reverse else numbers)
         return np.ascontiguousarray(np.moveaxis(self._ascending(numbers), 0, self.axis)).reshape(-1)
+
+    def _over_rows(self, numbers: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return numbers per sample in the shape of x, or in one that goes with it."""
+        along = [self.samples if axis == self.axis else 1 for axis in range(len(self.shape))]
+        return numbers.reshape(along if numbers.size == self.samples else self.shape)
 
     @property
     def outputs(self) -> int:

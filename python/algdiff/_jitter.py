@@ -12,7 +12,7 @@ tenth, and usually a hundredth, of their standard deviation. Data without noise 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from algdiff._run import run
 from algdiff._wish import Call, Wish
 
 if TYPE_CHECKING:
-    from algdiff._differentiator import Differentiator
+    pass
 
 LARGEST = 0.02
 """The largest deviation from an even clock, in steps."""
@@ -47,7 +47,7 @@ def corrected(data: Data, values: Samples, call: Call, wish: Wish) -> Samples | 
     if float(np.abs(late).max()) > LARGEST * step:
         return None
     along = late.reshape(-1, *(1 for _ in data.shape[data.axis + 1 :])).astype(values.dtype)
-    orders = _orders(design)
+    orders = tuple(one.deriv for one in design.orders)
 
     def differentiate(x: Samples, several: tuple[int, ...]) -> dict[int, Samples]:
         even = design._changed(delta=step, tau=design.tau, delay=None, deriv=several, degree=design.degree)
@@ -92,11 +92,6 @@ def _clock(times: Samples) -> tuple[float, Samples]:
     late = times - step * index
     late -= 0.5 * (late.max() + late.min())
     return step, late
-
-
-def _orders(design: Differentiator) -> tuple[int, ...]:
-    deriv: Any = design.deriv
-    return deriv if isinstance(deriv, tuple) else (deriv,)
 
 
 def _least_level(values: Samples, times: Samples, axis: int) -> float:
