@@ -629,7 +629,7 @@ def test_threads_reach_the_library(x, monkeypatch, flags, threads):
 def test_no_verb_prints_the_help(capsys):
     assert main([]) == 2
     assert "usage: algdiff" in capsys.readouterr().err
-    for arguments in (["--help"], ["run", "--help"], ["demo", "--help"]):
+    for arguments in (["--help"], ["run", "--help"], ["stream", "--help"], ["demo", "--help"]):
         assert main(arguments) == 0
         assert "usage: algdiff" in capsys.readouterr().out
 

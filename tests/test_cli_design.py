@@ -227,6 +227,7 @@ def test_other_units_are_refused(read: Any, text: str) -> None:
         (["--window", 21, "--plot", "x.jpg"], "--plot must be a .png, .pdf or .svg FILE, got x.jpg"),
         (["--window", 21, "--plot", "x"], "--plot must be a .png, .pdf or .svg FILE, got x"),
         (["--window", 21, "--name", "d"], "--name is for --c, got --name d alone"),
+        (["--window", 21, "--float"], "--float is for --c, got --float alone"),
         (
             ["--window", 21, "--plot", "x.png", "--c", "./x.png"],
             "--plot and --c must be different files, got x.png twice",
@@ -287,6 +288,8 @@ def test_the_header_is_that_of_the_library(capsys: pytest.CaptureFixture[str]) -
     assert err == "wrote d.h\n"
     assert run("--window", 21, "--c", "v.h", "--name", "velocity") == 0
     assert Path("v.h").read_text(encoding="ascii") == Differentiator(21).to_c("velocity")
+    assert run("--window", 21, "--c", "f.h", "--float") == 0
+    assert Path("f.h").read_text(encoding="ascii") == Differentiator(21).to_c(dtype="float32")
 
 
 @pytest.mark.parametrize(("suffix", "start"), [("png", b"\x89PNG"), ("pdf", b"%PDF"), ("SVG", b"<?xml")])

@@ -1,101 +1,166 @@
-"""The C header: compiled without a warning, the same weights to the bit, the same estimates to rounding."""
+"""The C header: compiled without a warning, and the bits of the engine "direct" in double and in float."""
 
 from __future__ import annotations
 
 import re
 import shutil
 import subprocess
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from string import Template
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 import algdiff
-from support import EPS, Array, design, difference_bound, sum_bound
+from support import Array, design, difference_bound
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-FLAGS = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O2"]
+PLUS_COMPILER = shutil.which("c++") or shutil.which("g++") or shutil.which("clang++")
+WARNINGS = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow"]
+BUILDS = {
+    "O0": (COMPILER, "-std=c99 -O0"),
+    "O3": (COMPILER, "-std=c99 -O3"),
+    # On CPUs that can fuse a multiplication with an addition.
+    "native": (COMPILER, "-std=c99 -O3 -march=native"),
+    "gnu": (COMPILER, "-std=gnu99 -O2 -march=native -ffp-contract=off"),
+    "sanitized": (COMPILER, "-std=c99 -O1 -fsanitize=address,undefined -fno-sanitize-recover=all"),
+    "c++": (PLUS_COMPILER, "-x c++ -std=c++11 -O2 -ffp-contract=off"),
+}
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler (cc, gcc, clang)")
 
+make = partial(design, engine="direct")
 RULES = ("exact", "trapezoid", "midpoint", "simpson", "cell", "hat")
 LEAKING = ("trapezoid", "midpoint", "simpson")
 DESIGNS = [
-    *(design(31, n, rule=r, delta=0.01, kappa=0.5, mu=2, tau="root") for r in RULES for n in range(4)),
-    *(design(61, n, rule=r, delta=0.01, kappa=3, mu=2, trim=0.01) for r in RULES for n in range(2)),
-    *(design(length, n) for length in (5, 20, 501) for n in range(3)),
-    design(40, 1, tau="newest", fs=1e6),
-    design(40, 0, tau=1.3, delta=1e3),
-    design(25, 2, kappa=-0.7, mu=-0.3, delta=1e-5),
-    design(13, 1, degree=12, delay=-0.5),
-    design(1, 0, degree=0),
-    design(2, 1, degree=1),
+    *(make(31, n, rule=r, delta=0.01, kappa=0.5, mu=2, tau="root") for r in RULES for n in range(4)),
+    *(make(61, n, rule=r, delta=0.01, kappa=3, mu=2, trim=0.01) for r in RULES for n in range(2)),
+    *(make(length, n) for length in (5, 16, 17, 18, 20, 33, 65, 501, 1001) for n in range(3)),
+    make(40, 1, tau="newest", fs=1e6),
+    make(40, 0, tau=1.3, delta=1e3),
+    make(25, 2, kappa=-0.7, mu=-0.3, delta=1e-5),
+    make(13, 1, degree=12, delay=-0.5),
+    make(1, 0, degree=0),
+    make(2, 1, degree=1),
+    TINY := make(37, 1, delta=1e50),
+    HUGE := make(37, 1, delta=1e-44),
+    SUBNORMAL := make(37, 1, delta=1e40),
 ]
-SIZE = 700
+TYPES = {"d": np.dtype(np.float64), "f": np.dtype(np.float32)}
+SIZE = 1300
+FEWER = 7
+"""Of how many designs one is in a program that takes long to compile."""
 
-MAIN = """
-static void slide(double (*apply)(const double *), long length, const double *x)
-{{
-    for (long i = 0; i + length <= {size}; i++) {{
-        const double y = apply(x + i);
-        fwrite(&y, sizeof y, 1, stdout);
-    }}
-}}
+START = """
+#include <stdio.h>
+#include <string.h>
 
-int main(void)
-{{
-    static double x[{size}];
-    if (fread(x, sizeof x[0], {size}, stdin) != {size}) {{
-        return 1;
-    }}
-{body}
-    return 0;
-}}
+static double d[SIZE];
+static float f[SIZE];
 """
 
-BODY = """    {{
-        const double facts[] = {{D{i}_LENGTH, D{i}_DELAY, D{i}_DELAY_SAMPLES, D{i}_NOISE_GAIN}};
-        fwrite(facts, sizeof facts, 1, stdout);
-        fwrite(d{i}_weights, sizeof d{i}_weights, 1, stdout);
-        slide(d{i}_apply, D{i}_LENGTH, x);
-    }}"""
+RUN = Template("""
+static void run_${name}(FILE *file)
+{
+    static ${name}_stream here;
+    ${name}_stream there;
+    static $real out[4][SIZE];
+    const double facts[] = {${capitals}_LENGTH, ${capitals}_DELAY, ${capitals}_DELAY_SAMPLES, ${capitals}_NOISE_GAIN};
+    memset(&there, 0xff, sizeof there);
+    ${name}_reset(&there);
+    for (long i = 0; i + ${capitals}_LENGTH <= SIZE; i++) {
+        out[0][i] = ${name}_apply($x + i);
+    }
+    for (long i = 0; i < SIZE; i++) {
+        out[1][i] = ${name}_push(&here, $x[i]);
+        out[2][i] = ${name}_push(&there, $x[SIZE - 1 - i]);
+    }
+    ${name}_reset(&here);
+    for (long i = 0; i < SIZE; i++) {
+        out[3][i] = ${name}_push(&here, $x[i]);
+    }
+    fwrite(facts, sizeof facts, 1, file);
+    fwrite(out, sizeof out, 1, file);
+}
+""")
+
+MAIN = """
+int main(void)
+{
+FILE *file = fopen("in", "rb");
+if (file == NULL || fread(d, sizeof d, 1, file) != 1 || fread(f, sizeof f, 1, file) != 1 || fclose(file) != 0) return 1;
+file = fopen("out", "wb");
+if (file == NULL) return 1;
+"""
 
 
 class Output(NamedTuple):
-    """What the program says of one design."""
+    """What the program says of one design in one type."""
 
+    design: algdiff.Differentiator
+    samples: npt.NDArray[Any]
     facts: Array
-    weights: Array
-    estimates: Array
+    windows: npt.NDArray[Any]
+    here: npt.NDArray[Any]
+    there: npt.NDArray[Any]
+    again: npt.NDArray[Any]
+
+
+def source(step: int) -> str:
+    """Return a program that runs every `step`-th header: windows, two streams at a time, and one of them anew."""
+    names = [f"{letter}{i}" for i in range(0, len(DESIGNS), step) for letter in TYPES]
+    # Twice, so that the guards are needed.
+    lines = [f"#define SIZE {SIZE}", START, *[f'#include "{name}.h"' for name in names] * 2]
+    for name in names:
+        real = "double" if name[0] == "d" else "float"
+        lines.append(RUN.substitute(name=name, capitals=name.upper(), real=real, x=name[0]))
+    lines += [MAIN, *(f"run_{name}(file);" for name in names), "return fclose(file);", "}", ""]
+    return "\n".join(lines)
 
 
 @pytest.fixture(scope="module")
-def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a program that includes the headers of all designs and applies them."""
+def headers(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder: Path = tmp_path_factory.mktemp("c")
     for i, each in enumerate(DESIGNS):
-        (folder / f"d{i}.h").write_text(each.to_c(f"d{i}"), encoding="ascii")
-    # Twice, so that the guards are needed.
-    includes = [f'#include "d{i}.h"' for i in range(len(DESIGNS))] * 2
-    body = "\n".join(BODY.format(i=i) for i in range(len(DESIGNS)))
-    lines = [*includes, "#include <stdio.h>", MAIN.format(size=SIZE, body=body)]
-    (folder / "main.c").write_text("\n".join(lines), encoding="ascii")
-    assert COMPILER is not None
-    command = [COMPILER, *FLAGS, "main.c", "-o", "main"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-    return folder / "main"
+        for letter, dtype in TYPES.items():
+            (folder / f"{letter}{i}.h").write_text(each.to_c(f"{letter}{i}", dtype), encoding="ascii")
+    for step in (1, FEWER):
+        (folder / f"main-{step}.c").write_text(source(step), encoding="ascii")
+    (folder / "probe.c").write_text("int main(void) { return 0; }\n", encoding="ascii")
+    return folder
 
 
-def outputs(program: Path, x: Array) -> list[Output]:
-    done = subprocess.run([program], input=x.tobytes(), capture_output=True, timeout=60, check=True)
-    numbers = np.frombuffer(done.stdout)
-    found = []
-    for each in DESIGNS:
-        size = each.weights.size
-        facts, weights, estimates, numbers = np.split(numbers, np.cumsum([4, size, SIZE - size + 1]))
-        found.append(Output(facts, weights, estimates))
-    assert numbers.size == 0
+def run(headers: Path, x: Array, name: str = "O0") -> list[Output]:
+    """Return what the program says of `x`, built as `name` says; skip if the compiler cannot, whatever the program."""
+    compiler, flags = BUILDS[name]
+    if compiler is None:
+        pytest.skip("no compiler")
+    step = 1 if name == "O0" else FEWER
+    probe, program = headers / f"probe-{name}.exe", headers / f"main-{name}.exe"
+    if not program.exists():
+        command = [compiler, *flags.split()]
+        possible = subprocess.run([*command, "probe.c", "-o", probe], cwd=headers, capture_output=True, check=False)
+        if possible.returncode or subprocess.run([probe], capture_output=True, check=False).returncode:
+            pytest.skip(f"no {flags}")
+        command += [*WARNINGS, f"main-{step}.c", "-o", str(program)]
+        done = subprocess.run(command, cwd=headers, capture_output=True, text=True, timeout=300, check=False)
+        assert (done.returncode, done.stderr) == (0, "")
+    with np.errstate(over="ignore"):
+        samples = {letter: x.astype(dtype) for letter, dtype in TYPES.items()}
+    (headers / "in").write_bytes(b"".join(values.tobytes() for values in samples.values()))
+    subprocess.run([program], cwd=headers, timeout=60, check=True)
+    said = (headers / "out").read_bytes()
+    found, at = [], 0
+    for each in DESIGNS[::step]:
+        for letter, dtype in TYPES.items():
+            facts = np.frombuffer(said, count=4, offset=at)
+            values = np.frombuffer(said, dtype, 4 * SIZE, at + facts.nbytes).reshape(4, SIZE)
+            at += facts.nbytes + values.nbytes
+            windows = values[0, : SIZE - each.weights.size + 1]
+            found.append(Output(each, samples[letter], facts, windows, *values[1:]))
+    assert at == len(said)
     return found
 
 
@@ -109,107 +174,150 @@ def keeps_constants(each: algdiff.Differentiator) -> bool:
     return each.rule == "exact" or (each.rule not in LEAKING and each.trim == 0)
 
 
-def bound(each: algdiff.Differentiator, x: Array) -> float:
-    """Bound the distance of two sums: over differences from one sample here, over first differences there.
-
-    The differences from one sample are at most the range of x. What the weights' sum misses by rounding, at most L eps
-    times the sum of their sizes, meets such a difference as well. A smoother adds its sample at the end: one rounding.
-    """
-    if not keeps_constants(each):
-        return 2 * sum_bound(each.weights, x)
-    size, total = each.weights.size, float(np.abs(each.weights).sum())
-    here = 2 * (size + 8) * EPS * total * float(np.ptp(x))
-    last = 2 * EPS * float(np.abs(x).max()) if each.deriv == 0 else 0.0
-    return here + difference_bound(each.weights, x) + last
+def bits(values: npt.NDArray[Any]) -> bytes:
+    """Return the bits, those of all NaN the same: CPUs differ in them."""
+    return np.where(np.isnan(values), values.dtype.type(np.nan), values).tobytes()
 
 
-@needs_compiler
-def test_weights_and_facts_read_back_to_the_bit(program: Path) -> None:
-    for each, output in zip(DESIGNS, outputs(program, noisy()), strict=True):
-        assert output.weights.tobytes() == each.weights.tobytes(), repr(each)
-        facts = [each.weights.size, each.delay, each.delay_samples, each.noise_gain]
-        assert output.facts.tolist() == facts, repr(each)
-
-
-@needs_compiler
-@pytest.mark.parametrize("offset", [0.0, 1e9, -3e5])
-def test_estimates_equal_those_of_whole_windows(program: Path, offset: float) -> None:
-    x = noisy() + offset
-    for each, output in zip(DESIGNS, outputs(program, x), strict=True):
-        expected = each(x, mode="valid")
-        np.testing.assert_allclose(output.estimates, expected, rtol=0, atol=bound(each, x), err_msg=repr(each))
-
-
-@needs_compiler
-@pytest.mark.parametrize("constant", [1.0, 0.1, 1e9 + 0.1, -1e300, 1e-290])
-def test_a_constant_gives_exactly_what_it_must_or_leaks_as_before(program: Path, constant: float) -> None:
-    leaks = 0
-    x = np.full(SIZE, constant)
-    for each, output in zip(DESIGNS, outputs(program, x), strict=True):
-        if keeps_constants(each):
-            assert set(output.estimates) == {0.0 if each.deriv else constant}, repr(each)
-        else:
+def check(found: list[Output]) -> None:
+    """Assert that windows and streams give what the engine gives, after NaN until the window is full."""
+    for each, samples, _, windows, here, there, again in found:
+        size = each.weights.size
+        for x, streams in ((samples, (here, again)), (samples[::-1], (there,))):
             expected = each(x, mode="valid")
-            np.testing.assert_allclose(output.estimates, expected, rtol=0, atol=bound(each, x), err_msg=repr(each))
-            leaks += int(each.deriv > 0 and abs(expected[0]) > 2 * bound(each, x))
-    assert leaks > 5
-
-
-def test_the_library_itself_keeps_and_leaks_the_same_constants() -> None:
-    x = np.full(SIZE, 1e9 + 0.1)
-    for each in DESIGNS:
-        source = each.to_c()
-        assert ("origin" in source) == keeps_constants(each)
-        assert ("let offsets through" in source) == (not keeps_constants(each))
-        if keeps_constants(each):
-            assert set(each(x, mode="valid")) == {0.0 if each.deriv else x[0]}, repr(each)
+            assert expected.dtype == samples.dtype
+            for pushed in streams:
+                assert np.isnan(pushed[: size - 1]).all(), repr(each)
+                assert bits(pushed[size - 1 :]) == bits(expected), (repr(each), samples.dtype)
+        assert bits(windows) == bits(here[size - 1 :]), (repr(each), samples.dtype)
 
 
 @needs_compiler
-def test_infinities_and_nan_do_not_hide(program: Path) -> None:
-    for bad in (np.nan, np.inf):
-        x = noisy()
-        x[SIZE // 2] = bad
-        for each, output in zip(DESIGNS, outputs(program, x), strict=True):
-            touched = [i for i in range(output.estimates.size) if i <= SIZE // 2 < i + each.weights.size]
-            assert not np.isfinite(output.estimates[touched]).any()
-            assert np.isfinite(np.delete(output.estimates, touched)).all()
+@pytest.mark.parametrize("name", BUILDS)
+def test_windows_and_streams_give_the_bits_of_the_engine(headers: Path, name: str) -> None:
+    check(run(headers, noisy(), name))
+
+
+@needs_compiler
+@pytest.mark.parametrize(("factor", "offset"), [(1.0, 1e9), (1.0, -3e5), (1e-30, 0.0), (1e30, 0.0)])
+def test_so_they_do_whatever_the_size_of_the_samples(headers: Path, factor: float, offset: float) -> None:
+    found = run(headers, factor * noisy() + offset)
+    check(found)
+
+
+@needs_compiler
+@pytest.mark.parametrize(("factor", "each"), [(1e30, TINY), (1e-30, HUGE), (1e30, SUBNORMAL)])
+def test_a_scale_beyond_float_rounds_the_estimate_once(
+    headers: Path, factor: float, each: algdiff.Differentiator
+) -> None:
+    (found,) = (o for o in run(headers, factor * noisy()) if o.design is each and o.samples.dtype == np.float32)
+    check([found])
+    assert np.isfinite(found.windows).all()
+    exact = each(found.samples.astype(np.float64), mode="valid")
+    bound = difference_bound(each.weights, found.samples, float(np.finfo(np.float32).eps))
+    assert bound < np.abs(exact).max()
+    np.testing.assert_allclose(found.windows, exact, rtol=0, atol=bound)
+
+
+@needs_compiler
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_nan_and_infinities_spoil_the_windows_that_hold_them_and_no_others(headers: Path, bad: float) -> None:
+    x, at = noisy(), SIZE // 2
+    x[at] = bad
+    found = run(headers, x)
+    check(found)
+    for output in found:
+        size = output.design.weights.size
+        if output.design is HUGE and output.samples.dtype == np.float32:
+            continue
+        held = np.arange(SIZE)[size - 1 :]
+        held = (held >= at) & (held < at + size)
+        assert held.any()
+        np.testing.assert_array_equal(np.isfinite(output.here[size - 1 :]), ~held, err_msg=repr(output.design))
+
+
+@needs_compiler
+@pytest.mark.parametrize("constant", [1.0, 0.1, 1e9 + 0.1, -1e30, 1e-30])
+def test_a_constant_gives_exactly_what_it_must(headers: Path, constant: float) -> None:
+    found = run(headers, np.full(SIZE, constant))
+    check(found)
+    for output in found:
+        if keeps_constants(output.design):
+            expected = {0.0 if output.design.deriv else output.samples[0]}
+            assert set(output.windows) == expected, repr(output.design)
+
+
+@needs_compiler
+def test_facts_read_back_to_the_bit(headers: Path) -> None:
+    for output in run(headers, noisy()):
+        each = output.design
+        assert output.facts.tolist() == [each.weights.size, each.delay, each.delay_samples, each.noise_gain]
+
+
+def test_the_header_says_which_rules_leak() -> None:
+    for each in DESIGNS:
+        text = each.to_c()
+        assert ("An offset costs no digits" in text) == keeps_constants(each)
+        assert ("let offsets through" in text) == (not keeps_constants(each))
 
 
 def test_the_header_says_what_it_is() -> None:
     each = design(21, fs=1000)
-    source = each.to_c("velocity")
-    assert repr(each) in source
-    assert f"algdiff {algdiff.__version__}" in source
-    assert source.isascii()
-    assert source.endswith("#endif\n")
-    assert set(re.findall(r"#define (\w+)", source)) == {
+    text = each.to_c("velocity")
+    assert repr(each) in text
+    assert f"algdiff {algdiff.__version__}" in text
+    assert text.isascii()
+    assert text.endswith("#endif\n")
+    assert set(re.findall(r"#define (\w+)", text)) == {
         "ALGDIFF_velocity_H",
         "VELOCITY_LENGTH",
         "VELOCITY_DELAY",
         "VELOCITY_DELAY_SAMPLES",
         "VELOCITY_NOISE_GAIN",
+        "VELOCITY_SCALE",
     }
-    assert "velocity_apply(const double *window)" in source
-    assert each.to_c() == each.to_c("differentiator")
+    assert "velocity_apply(const double *window)" in text
+    assert "velocity_push(velocity_stream *stream, double sample)" in text
+    assert "On float64 data" in text
+    assert each.to_c() == each.to_c("differentiator") == each.to_c(dtype="float64") == each.to_c(dtype=float)
+
+
+def test_a_header_in_float_has_no_double_but_in_its_macros_and_where_the_scale_demands_it() -> None:
+    text = design(21).to_c("d", np.float32)
+    assert "On float32 data" in text
+    assert "double" not in text
+    for each in (TINY, HUGE):
+        assert "(float)((double)sum * D_SCALE)" in each.to_c("d", "float32")
+    assert "(double)sum" not in SUBNORMAL.to_c("d", "float32")
+
+
+@pytest.mark.parametrize("dtype", ["float16", np.int64, ">f8", complex, "nonsense", 5, object()])
+def test_dtypes_that_are_not_float_or_double(dtype: Any) -> None:
+    with pytest.raises(TypeError, match="dtype must be float64 or float32, got "):
+        design(5).to_c(dtype=dtype)
 
 
 def test_a_negative_delay_is_safe_in_an_expression() -> None:
     assert "#define D_DELAY (-0.5)\n" in design(13, delay=-0.5).to_c("d")
 
 
-def test_a_noise_gain_that_overflows_is_a_number_of_c() -> None:
-    each = design(51, delta=1e-170)
+@pytest.mark.parametrize("delta", [1e-160, 1e-170])
+def test_a_noise_gain_that_overflows_is_a_number_of_c(delta: float) -> None:
+    each = design(51, delta=delta)
     with np.errstate(over="ignore"):
-        assert "#define D_NOISE_GAIN HUGE_VAL /* of math.h */\n" in each.to_c("d")
+        assert "#define D_NOISE_GAIN HUGE_VAL\n" in each.to_c("d")
         assert each.summary()["noise_gain"] is None
 
 
-@pytest.mark.parametrize(
-    "name", ["", "2d", "_d", "a-b", "a b", "a\n", "a*/", "é", "int", "restrict", "while", "d\u00aa"]
+KEYWORDS = (
+    "auto break case char const continue default do double else enum extern float for goto if inline int long register "
+    "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while"
 )
+
+
+@pytest.mark.parametrize("name", ["", "2d", "_d", "a-b", "a b", "a\n", "a*/", "é", "d\u00aa", *KEYWORDS.split()])
 def test_names_that_c_would_refuse(name: str) -> None:
-    with pytest.raises(ValueError, match=r"name must be a C identifier .*, got "):
+    with pytest.raises(ValueError, match=r"name must be a C identifier \(.*, and no keyword\), got "):
         design(5).to_c(name)
 
 
@@ -221,23 +329,4 @@ def test_names_that_are_no_strings(name: object) -> None:
 
 @pytest.mark.parametrize("name", ["d", "Velocity_2", "INT", "integer", "interrupt", "x_"])
 def test_names_that_c_takes(name: str) -> None:
-    assert f"static const double {name}_weights[{name.upper()}_LENGTH]" in design(5).to_c(name)
-
-
-def test_an_infinite_noise_gain_is_a_macro_of_c() -> None:
-    ours = design(5, delta=1e-160)
-    with np.errstate(over="ignore"):
-        assert ours.noise_gain == np.inf
-        assert "#define D_NOISE_GAIN HUGE_VAL" in ours.to_c("d")
-
-
-KEYWORDS = (
-    "auto break case char const continue default do double else enum extern float for goto if inline int long register "
-    "restrict return short signed sizeof static struct switch typedef union unsigned void volatile while"
-)
-
-
-@pytest.mark.parametrize("word", KEYWORDS.split())
-def test_keywords_are_no_names(word: str) -> None:
-    with pytest.raises(ValueError, match="no keyword"):
-        design(5).to_c(word)
+    assert f"static inline double {name}_push({name}_stream *stream" in design(5).to_c(name)

@@ -26,6 +26,7 @@ from algdiff._noise import noise_level
 from algdiff._plot import plot_design, plot_kernel, plot_response
 from algdiff._results import Estimates
 from algdiff._savgol import savgol_coeffs, savgol_filter
+from algdiff._stream import Stream
 from algdiff._warnings import DesignWarning
 
 __version__ = _version("algdiff-rs")
@@ -38,6 +39,7 @@ __all__ = [
     "Estimates",
     "InternalError",
     "Kernel",
+    "Stream",
     "__version__",
     "delay_tradeoff",
     "differentiate",

@@ -1,4 +1,4 @@
-"""Command line: ``algdiff run`` for files, ``algdiff design`` for windows, ``algdiff demo`` for a first look."""
+"""Command line: ``algdiff run`` for files, ``stream`` for pipes, ``design`` for windows, ``demo`` for a first look."""
 
 from __future__ import annotations
 
@@ -216,13 +216,14 @@ def _summary(options: argparse.Namespace, design: Differentiator, source: Table,
 
 
 def _demo(options: argparse.Namespace) -> None:
-    from algdiff import _demo, _paper_figures
+    from algdiff import _demo, _paper_figures, _pendulum_figure
 
-    (_paper_figures if options.paper else _demo).run(options.output, options.threads)
+    demo = _paper_figures if options.paper else _pendulum_figure if options.pendulum else _demo
+    demo.run(options.output, options.threads)
 
 
 def _parser() -> argparse.ArgumentParser:
-    from algdiff import _cli_design
+    from algdiff import _cli_design, _cli_stream
 
     parser = argparse.ArgumentParser(
         prog="algdiff",
@@ -238,10 +239,13 @@ def _parser() -> argparse.ArgumentParser:
     _add_files(run)
     add_design(run)
     _cli_design.add(verbs.add_parser("design", help="choose a window and say what it does", allow_abbrev=False))
+    _cli_stream.add(verbs.add_parser("stream", help="differentiate lines as they come", allow_abbrev=False))
     demo = verbs.add_parser("demo", help="differentiate the shipped pendulum recording", allow_abbrev=False)
     demo.set_defaults(verb=_demo)
     demo.add_argument("--output", type=Path, default=Path("algdiff-demo"), metavar="DIR", help="default: %(default)s")
-    demo.add_argument("--paper", action="store_true", help="instead: Figures 1 to 4 of Mboup, Join and Fliess (2007)")
+    shown = demo.add_mutually_exclusive_group()
+    shown.add_argument("--paper", action="store_true", help="instead: Figures 1 to 4 of Mboup, Join and Fliess (2007)")
+    shown.add_argument("--pendulum", action="store_true", help="instead: Figure 5, a pendulum in a closed loop")
     for verb in (run, demo):
         verb.add_argument("--threads", type=_count, metavar="N", help="default: chosen from the machine and the data")
     return parser
@@ -265,10 +269,10 @@ def _add_files(run: argparse.ArgumentParser) -> None:
     add("--cval", type=float, metavar="X", help="value beyond the ends for --mode constant; default: 0")
 
 
-def add_design(verb: argparse.ArgumentParser) -> None:
-    """Add the options of a design but for its window."""
+def add_design(verb: argparse.ArgumentParser, deriv: Callable[[str], object] = int, metavar: str = "N") -> None:
+    """Add the options of a design but for its window; `deriv` reads the order."""
     add = verb.add_argument
-    add("--deriv", type=int, default=1, metavar="N", help="derivative order; default: %(default)s")
+    add("--deriv", type=deriv, default=1, metavar=metavar, help="derivative order; default: %(default)s")
     add("--degree", type=int, metavar="N", help="degree of the local polynomial; default: deriv + 2")
     add("--kappa", type=float, metavar="X", help="weight exponent of the oldest end; default: 1")
     add("--mu", type=float, metavar="X", help="weight exponent of the newest end; default: 1")

@@ -38,8 +38,9 @@ def add(verb: argparse.ArgumentParser) -> None:
     option = verb.add_argument
     option("--json", action="store_true", help="print JSON, weights included, instead of the table")
     option("--plot", type=Path, metavar="FILE", help=f"draw the design on one page: {', '.join(PICTURES)}")
-    option("--c", type=Path, metavar="FILE", help="write a C header with the weights and a function that applies them")
+    option("--c", type=Path, metavar="FILE", help="write a C header that differentiates samples as they come")
     option("--name", metavar="NAME", help="what the names in the C header start with; default: differentiator")
+    option("--float", action="store_true", help="let the C header compute in float, not in double")
     option("--overwrite", action="store_true", help="replace files that exist")
 
 
@@ -54,7 +55,7 @@ def run(options: argparse.Namespace) -> None:
     design = _design(options)
     contents = {}
     if options.c is not None:
-        contents[options.c] = _header(design, options.name)
+        contents[options.c] = _header(design, options.name, "float32" if options.float else "float64")
     if options.plot is not None:
         contents[options.plot] = _picture(design, form)
     for path in wanted:
@@ -76,6 +77,8 @@ def _check_arguments(options: argparse.Namespace) -> str:
         raise UsageError(f"--delay cannot be given with --for-delay, got {options.delay} and {options.for_delay}")
     if options.name is not None and options.c is None:
         raise UsageError(f"--name is for --c, got --name {options.name} alone")
+    if options.float and options.c is None:
+        raise UsageError("--float is for --c, got --float alone")
     if None not in (options.plot, options.c) and os.path.realpath(options.plot) == os.path.realpath(options.c):
         raise UsageError(f"--plot and --c must be different files, got {options.c} twice")
     return form.removeprefix(".")
@@ -97,9 +100,9 @@ def _design(options: argparse.Namespace) -> Differentiator:
     return design_by(make, target, options)
 
 
-def _header(design: Differentiator, name: str | None) -> bytes:
+def _header(design: Differentiator, name: str | None, dtype: str) -> bytes:
     try:
-        return (design.to_c() if name is None else design.to_c(name)).encode()
+        return (design.to_c(dtype=dtype) if name is None else design.to_c(name, dtype)).encode()
     except ValueError as error:
         raise UsageError(f"--{error}") from None
 

@@ -1,10 +1,20 @@
 from collections.abc import Callable
-from typing import final
+from typing import Any, Self, final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Bank", "Fits", "InternalError", "Kernel", "Plan", "Simultaneous", "delay_tradeoff", "lambdas"]
+__all__ = [
+    "Bank",
+    "Fits",
+    "InternalError",
+    "Kernel",
+    "Plan",
+    "Simultaneous",
+    "Stream",
+    "delay_tradeoff",
+    "lambdas",
+]
 
 class InternalError(RuntimeError): ...
 
@@ -77,6 +87,7 @@ class Plan:
     def half_power(self) -> float | None: ...
     def discretisation_error(self, frequency: float) -> float: ...
     def frequency_response(self, frequency: NDArray[np.float64], out: NDArray[np.complex128]) -> None: ...
+    def taps(self, single: bool) -> tuple[NDArray[Any], float, bool, int | None]: ...
     def weights(self, out: NDArray[np.float64]) -> None: ...
 
 @final
@@ -144,6 +155,44 @@ class Fits:
         threads: int = 0,
         progress: Callable[[float], object] | None = None,
     ) -> None: ...
+
+class Stream:
+    def __new__(
+        cls,
+        banks: list[Bank],
+        points: list[tuple[float | None, float]],
+        channels: int | None,
+        *,
+        leading: bool,
+        single: bool,
+        grow: bool,
+        missing: str,
+        support: int,
+        gain: float | None,
+    ) -> Self: ...
+    @property
+    def count(self) -> int: ...
+    @property
+    def ready(self) -> bool: ...
+    def push(
+        self, x: ArrayLike, t: ArrayLike | None = None, *, return_std: bool = False, return_support: bool = False
+    ) -> Any: ...
+    def reset(self) -> None: ...
+    def _block(
+        self,
+        x: NDArray[np.float64] | NDArray[np.float32],
+        t: NDArray[np.float64] | None,
+        estimate: NDArray[np.float64] | NDArray[np.float32],
+        std: NDArray[np.float64] | NDArray[np.float32] | None = None,
+        support: NDArray[np.int64] | None = None,
+        *,
+        threads: int = 0,
+        progress: Callable[[float], object] | None = None,
+    ) -> None: ...
+    def _last(self) -> tuple[list[float], list[float], list[int]]: ...
+    def _held(self) -> tuple[list[float], list[float], int]: ...
+    def _restore(self, samples: list[float], times: list[float], count: int) -> None: ...
+    def _placed(self) -> tuple[float, float | None]: ...
 
 def delay_tradeoff(
     delays: list[float],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from typing import Any, SupportsIndex
+from typing import TYPE_CHECKING, Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -23,6 +23,9 @@ from algdiff._run import run
 from algdiff._warnings import DesignWarning, outside
 from algdiff._wish import Call, Wish
 from algdiff._wishes import Wishes
+
+if TYPE_CHECKING:
+    from algdiff._stream import Stream
 
 
 class Differentiator(Wishes, Filter):
@@ -386,6 +389,25 @@ class Differentiator(Wishes, Filter):
             progress=progress,
         )
 
+    def stream(self, **options: Any) -> Stream:
+        """Return a `Stream` of this design: the same estimates, sample by sample.
+
+        Parameters
+        ----------
+        **options
+            Of `Stream`, as ``channels=`` or ``warmup=``.
+
+        Examples
+        --------
+        >>> from algdiff import Differentiator
+        >>> stream = Differentiator.from_delay(0.02, fs=1000).stream(warmup="grow")
+        >>> [round(stream.push(0.001 * sample), 6) for sample in range(6)]
+        [nan, nan, nan, 1.0, 1.0, 1.0]
+        """
+        from algdiff._stream import Stream
+
+        return Stream(self, **options)
+
     def summary(self) -> report.Summary:
         """Return the design in plain numbers and words, as JSON can hold them.
 
@@ -410,38 +432,48 @@ class Differentiator(Wishes, Filter):
         single("a summary", self)
         return report.summary(self)
 
-    def to_c(self, name: str = "differentiator") -> str:
-        r"""Return a C99 header that makes the estimates of ``mode="valid"``, one window at a time.
+    def to_c(self, name: str = "differentiator", dtype: DTypeLike = np.float64) -> str:
+        r"""Return a C99 header that makes the estimates of ``mode="valid"``, a sample or a window at a time.
 
         Parameters
         ----------
         name : str
-            What its names start with, a C identifier: ``name_weights``, the function ``name_apply(window)``, and, in
-            capitals, the macros ``NAME_LENGTH``, ``NAME_DELAY``, ``NAME_DELAY_SAMPLES`` and ``NAME_NOISE_GAIN``.
+            What its names start with, a C identifier. For samples that come one at a time, ``name_stream`` holds the
+            newest of them, ``name_push(&stream, sample)`` returns the estimate from the newest window, NaN until there
+            is one, and ``name_reset(&stream)`` forgets them. ``name_apply(window)`` takes one window, oldest sample
+            first. Macros, in capitals: ``NAME_LENGTH``, ``NAME_DELAY``, ``NAME_DELAY_SAMPLES`` and ``NAME_NOISE_GAIN``.
+        dtype : dtype
+            Of samples and estimates: float64 (the default), in C ``double``, or float32, in C ``float``.
 
         Returns
         -------
         str
-            The weights read back to the same bits. As here, an offset costs nothing, and a constant gives exactly 0
-            (or itself, if ``deriv == 0``), unless the rule leaks constants.
+            It needs no memory but the struct and the stack, and of libraries only ``math.h`` for NAN. Its estimates
+            are those of ``replace(engine="direct")`` to the bit, on samples of `dtype`, if the compiler rounds every
+            operation by itself; the header says what GCC needs for that. So an offset costs nothing, and a constant
+            gives exactly 0 (or itself, if ``deriv == 0``), unless the rule leaks constants.
 
         Raises
         ------
         ValueError
-            `name` is not a C identifier.
+            `name` is not a C identifier, or the design has several orders.
         TypeError
-            `name` is not a string.
+            `name` is not a string, or `dtype` another one.
 
         Examples
         --------
         >>> from algdiff import Differentiator
-        >>> header = Differentiator(5, degree=2, kappa=0, mu=0, delta=0.1).to_c("velocity")
-        >>> print("\n".join(line for line in header.splitlines() if "_DELAY" in line))
+        >>> d = Differentiator(5, degree=2, kappa=0, mu=0, delta=0.1)
+        >>> print("\n".join(line for line in d.to_c("velocity").splitlines() if "#define VELOCITY_DELAY" in line))
         #define VELOCITY_DELAY 0.2
         #define VELOCITY_DELAY_SAMPLES 2.0
+        >>> print("\n".join(line for line in d.to_c("velocity", "float32").splitlines() if "inline" in line))
+        static inline float velocity_apply(const float *window)
+        static inline void velocity_reset(velocity_stream *stream)
+        static inline float velocity_push(velocity_stream *stream, float sample)
         """
         single("a C header", self)
-        return export.to_c(self, name)
+        return export.to_c(self, name, dtype)
 
     def replace(self, **changes: Any) -> Differentiator:
         """Return a design with some arguments changed, the others as they were given.

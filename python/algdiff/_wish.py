@@ -88,18 +88,18 @@ INSIDE = ("fit", "nan", "valid")
 def limits(design: Differentiator, windows: Windows, samples: int, call: Call, wish: Wish) -> Limits:
     """Refuse what does not go together, and return what a window must hold."""
     arguments.word("mode", call.mode, "a word such as 'fit'")
-    _chosen("nan_policy", wish.nan_policy, ("propagate", "omit", "raise"))
-    _chosen("edge_window", wish.edge_window, ("full", "shrink"))
+    chosen("nan_policy", wish.nan_policy, ("propagate", "omit", "raise"))
+    chosen("edge_window", wish.edge_window, ("full", "shrink"))
     shrinks = wish.edge_window == "shrink"
     _fits_only(design, windows, wish)
     if windows.times is not None:
         counted = windows.at is None and windows.duration is None
         what = "uneven t" if windows.at is None else "at"
-        _chosen("mode", call.mode, INSIDE if counted else INSIDE[:2], f" with {what}")
+        chosen("mode", call.mode, INSIDE if counted else INSIDE[:2], f" with {what}")
     if shrinks and (call.mode != "fit" or windows.duration is not None):
         raise ValueError(f"edge_window = 'shrink' must come with mode 'fit' and windows of samples, got {call.mode!r}")
     if wish.autocovariance is not None:
-        _chosen("mode", call.mode, INSIDE, " with autocovariance")
+        chosen("mode", call.mode, INSIDE, " with autocovariance")
         if wish.sigma is not None:
             raise ValueError("give sigma or autocovariance, not both")
     span = design._plan.span
@@ -115,7 +115,8 @@ def limits(design: Differentiator, windows: Windows, samples: int, call: Call, w
     return Limits(support, gain, min(max(support, 2 * design.degree + 1), span) if shrinks else None)
 
 
-def _chosen(name: str, value: object, allowed: tuple[str, ...], where: str = "") -> None:
+def chosen(name: str, value: object, allowed: tuple[str, ...], where: str = "") -> None:
+    """Refuse words that are not allowed."""
     if value not in allowed:
         raise ValueError(
             f"{name} must be {', '.join(map(repr, allowed[:-1]))} or {allowed[-1]!r}{where}, got {value!r}"

@@ -15,6 +15,7 @@
 //! * [`engine`]: how the weights of a plan meet the data;
 //! * [`ends`]: what happens where the window does not lie inside the data;
 //! * [`run`]: arrays, threads and stopping on request;
+//! * [`stream`]: the same estimates sample by sample, without taking memory or panicking;
 //! * [`local`], [`gaps`], [`irregular`], [`fits`]: the fit on whatever samples there are, one for every estimate: missing samples,
 //!   uneven times, weights, errors;
 //! * [`paper`]: the source paper's own systems, on which nothing is built.
@@ -58,5 +59,6 @@ pub mod response;
 mod rows;
 pub mod rule;
 pub mod run;
+pub mod stream;
 mod tasks;
 mod threads;

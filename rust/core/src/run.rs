@@ -86,25 +86,43 @@ impl<'a> Job<'a> {
     /// Estimates into `out`: for every order an array of the shape of `x` but for [`Job::wanted`] along the differentiated
     /// axis.
     pub fn run<T: Sample>(&self, x: &[T], out: &mut [T], control: &impl Control) -> Result<(), Error> {
+        let results = self.results();
+        if results.and_then(|results| results.checked_mul(self.bank.plans().len())) != Some(out.len()) {
+            return Err(self.misfit(out.len()));
+        }
+        self.run_into(x, out.chunks_mut(results.unwrap_or_default().max(1)).collect(), control)
+    }
+
+    /// The same, with a place of its own for every order.
+    pub fn run_into<T: Sample>(&self, x: &[T], outs: Vec<&mut [T]>, control: &impl Control) -> Result<(), Error> {
         let (samples, window_length) = (self.samples(), self.bank.first().span());
         if window_length > samples && !self.mode.extends() {
             let allowed = format!("at most the {samples} samples of x in mode '{}'", self.mode.name());
             return Err(Error::argument("window_length", window_length, allowed));
         }
         let rows = self.layout.rows();
-        let size = |per_row: usize| rows.and_then(|rows| rows.checked_mul(per_row));
-        let results = size(self.wanted());
-        if size(self.layout.samples) != Some(x.len())
-            || results.and_then(|results| results.checked_mul(self.bank.plans().len())) != Some(out.len())
-        {
-            return Err(Error::argument("out", out.len(), "as long as layout and mode say"));
+        if rows.and_then(|rows| rows.checked_mul(self.layout.samples)) != Some(x.len()) {
+            return Err(self.misfit(x.len()));
         }
         self.check_part()?;
-        let (Some(results), false) = (results, out.is_empty()) else { return Ok(()) };
+        if self.results() == Some(0) {
+            return Ok(());
+        }
+        if outs.len() != self.bank.plans().len() || outs.iter().any(|out| Some(out.len()) != self.results()) {
+            return Err(self.misfit(outs.len()));
+        }
         let frame = self.frame(control)?;
         self.check_samples(&frame)?;
-        let tasks = Tasks::new(&frame, out.chunks_mut(results).collect());
-        threads::work(&frame, x, tasks, self.threads, control)
+        threads::work(&frame, x, Tasks::new(&frame, outs), self.threads, control)
+    }
+
+    /// Results of one order.
+    fn results(&self) -> Option<usize> {
+        self.layout.rows()?.checked_mul(self.wanted())
+    }
+
+    fn misfit(&self, got: usize) -> Error {
+        Error::argument("out", got, format!("as long as {:?} and mode '{}' say", self.layout, self.mode.name()))
     }
 
     /// Decides what every thread needs to know.

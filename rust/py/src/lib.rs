@@ -1,6 +1,7 @@
 //! The Python boundary: borrow, detach from the interpreter, call, map errors. No idea lives here.
 
 mod fits;
+mod stream;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Mutex};
@@ -62,9 +63,17 @@ fn enter<T: Send>(
             let raised = attended.raised.into_inner().ok().flatten();
             Err(raised.unwrap_or_else(|| PyRuntimeError::new_err("interrupted")))
         }
-        Ok(Err(error @ Error::Memory { .. })) => Err(PyMemoryError::new_err(error.to_string())),
-        Ok(Err(error)) => Err(PyValueError::new_err(error.to_string())),
+        Ok(Err(error)) => Err(raised(error)),
         Err(_) => Err(InternalError::new_err("algdiff failed inside; please report what you called")),
+    }
+}
+
+/// The exception of an error.
+#[expect(clippy::needless_pass_by_value, reason = "for `map_err`")]
+fn raised(error: Error) -> PyErr {
+    match error {
+        Error::Memory { .. } => PyMemoryError::new_err(error.to_string()),
+        _ => PyValueError::new_err(error.to_string()),
     }
 }
 
@@ -336,6 +345,17 @@ impl Plan {
         self.0.moment_delay()
     }
 
+    /// What the engines apply: taps, their scale, whether they are on first differences, and the sample that is added.
+    fn taps<'py>(&self, py: Python<'py>, single: bool) -> (Bound<'py, PyAny>, f64, bool, Option<usize>) {
+        let taps = self.0.taps();
+        let values = if single {
+            PyArray1::from_slice(py, f32::taps(taps)).into_any()
+        } else {
+            PyArray1::from_slice(py, f64::taps(taps)).into_any()
+        };
+        (values, taps.scale(), taps.meet_differences(), taps.anchor())
+    }
+
     fn weights(&self, out: &Bound<'_, PyArray1<f64>>) -> PyResult<()> {
         let mut out = out.try_readwrite()?;
         let (weights, out) = (self.0.weights(), out.as_slice_mut()?);
@@ -349,7 +369,7 @@ impl Plan {
 
 /// Orders that run in one pass.
 #[pyclass(frozen, module = "algdiff._core")]
-struct Bank(CoreBank);
+struct Bank(Arc<CoreBank>);
 
 #[pymethods]
 impl Bank {
@@ -362,7 +382,7 @@ impl Bank {
             return Err(unknown("engine", engine, "'auto', 'direct', 'moments' or 'fft'"));
         }
         let plans = plans.iter().map(|plan| Arc::clone(&plan.0)).collect();
-        enter(py, None, |_| CoreBank::new(plans, known)).map(Self)
+        enter(py, None, |_| CoreBank::new(plans, known)).map(|bank| Self(Arc::new(bank)))
     }
 
     /// The name of the engine, for single or double precision.
@@ -473,6 +493,8 @@ fn lambdas(deriv: usize, degree: usize, exponents: (f64, f64), points: &Array<'_
 mod _core {
     #[pymodule_export]
     use super::fits::Fits;
+    #[pymodule_export]
+    use super::stream::Stream;
     #[pymodule_export]
     use super::{Bank, InternalError, Kernel, Plan, Simultaneous, delay_tradeoff, lambdas};
 }

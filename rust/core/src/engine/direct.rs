@@ -16,6 +16,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::{Sample, Scratch, Taps, Windows};
 use crate::error::{Error, at_least, try_vec};
+pub(crate) use latest::stride;
 use tile::{Finish, tile};
 
 /// Runs with strides of 32 bytes or of 64, as [`Direct::few`] says. The constant comes first, so that only what can be used is
@@ -35,6 +36,8 @@ macro_rules! run_with_strides {
 
 /// The same for neighbouring rows.
 mod lanes;
+/// One output alone.
+mod latest;
 /// The order of the taps.
 mod order;
 /// Outputs in registers.
@@ -71,7 +74,7 @@ struct Order<T> {
 }
 
 impl<T: Sample> Direct<T> {
-    pub(super) fn new(orders: &[&Taps]) -> Result<Self, Error> {
+    pub(crate) fn new(orders: &[&Taps]) -> Result<Self, Error> {
         let order = |taps: &&Taps| {
             let mut own = try_vec(T::taps(taps).len(), T::default())?;
             own.copy_from_slice(T::taps(taps));
@@ -84,7 +87,7 @@ impl<T: Sample> Direct<T> {
         })
     }
 
-    pub(super) fn span(&self) -> usize {
+    pub(crate) fn span(&self) -> usize {
         self.span
     }
 
@@ -93,6 +96,7 @@ impl<T: Sample> Direct<T> {
     }
 
     /// Whether strides are of 32 bytes.
+    #[inline]
     fn few(&self) -> bool {
         self.span.saturating_sub(usize::from(self.on_differences)) <= FEW
     }

@@ -118,9 +118,11 @@ impl Sample for f64 {
     ) -> Result<(), Error> {
         runner.run_lanes(windows, scratch)
     }
+    #[inline]
     fn from_f64(value: f64) -> Self {
         value
     }
+    #[inline]
     fn to_f64(self) -> f64 {
         self
     }
@@ -182,9 +184,11 @@ impl Sample for f32 {
     ) -> Result<(), Error> {
         runner.run_lanes(windows, scratch)
     }
+    #[inline]
     fn from_f64(value: f64) -> Self {
         value as Self
     }
+    #[inline]
     fn to_f64(self) -> f64 {
         self.into()
     }

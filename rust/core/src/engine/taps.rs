@@ -83,6 +83,24 @@ impl Taps {
         scaled * difference + self.anchor.map_or(Complex::new(0.0, 0.0), |anchor| power(anchor as f64))
     }
 
+    /// The power of two by which sums are multiplied.
+    #[must_use]
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// Whether the taps meet first differences.
+    #[must_use]
+    pub fn meet_differences(&self) -> bool {
+        self.on_differences
+    }
+
+    /// The sample that is added to a sum.
+    #[must_use]
+    pub fn anchor(&self) -> Option<usize> {
+        self.anchor
+    }
+
     /// Samples that one output reads.
     #[must_use]
     pub fn span(&self) -> usize {

@@ -16,9 +16,10 @@ const ABREAST: usize = 16;
 /// first of each, the second of each, and so on.
 #[inline(always)]
 pub fn in_order(taps: usize, width: usize, mut add: impl FnMut(usize)) {
+    // Nothing saturates: so the compiler knows as well that nothing overflows.
     for group in (0..taps).step_by(DEPTH * width) {
-        let end = taps.min(group + DEPTH * width);
-        for place in group..end.min(group + width) {
+        let end = taps.min(group.saturating_add(DEPTH * width));
+        for place in group..end.min(group.saturating_add(width)) {
             (place..end).step_by(width).for_each(&mut add);
         }
     }

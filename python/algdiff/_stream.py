@@ -1,0 +1,405 @@
+"""Estimates sample by sample, for control loops and everything else that does not wait."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, SupportsIndex
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
+
+from algdiff import _arguments as arguments
+from algdiff import _core, _state
+from algdiff import _threads as threads_of
+from algdiff._arguments import Samples
+from algdiff._core import Bank
+from algdiff._differentiator import Differentiator
+from algdiff._results import Estimates
+from algdiff._wish import chosen
+
+WARMUPS = ("nan", "grow")
+POLICIES = ("propagate", "omit", "raise")
+
+
+class Stream(_core.Stream):
+    """Estimates that come with every sample: of the window that ends with it.
+
+    To the bit what ``design.replace(engine="direct")(x, mode="valid")`` gives, whatever blocks the samples come in.
+    Every estimate is the derivative a known time, `delay`, before the newest sample: choose it by ``tau=`` or
+    ``delay=`` of the design, or here. At 0 there is no delay, and below the estimate is a prediction; the noise gain
+    says what that costs.
+
+    Parameters
+    ----------
+    design : Differentiator or sequence of Differentiator
+        What to estimate: of one order, or of several in one window; or several designs, of which each has its own
+        window, but all the same `delta` and delay.
+    channels : int, optional
+        Samples are vectors of so many numbers; by default they are numbers.
+    dtype : {float64, float32}
+        What samples are converted to, and computed in.
+    delay : float, optional
+        Instead of the designs' own: the time from the estimates to the newest sample, in the unit of `delta`.
+    warmup : {"nan", "grow"}
+        What estimates are before the window is full: NaN, or those of the window that the samples so far make, as soon
+        as these are ``degree + 1``. They have the design's `tau`; if it was made by a delay, if `delay` is given here,
+        or of several designs, its delay, as far as the window reaches back. `std` says how large their errors are.
+    nan_policy : {"propagate", "omit", "raise"}
+        What NaN and masked samples do. "propagate" makes every estimate NaN whose window holds one; "omit" fits the
+        other samples; "raise" refuses them.
+    min_support, max_gain
+        As in a call of a design: samples that a window must hold, and how much the noise gain may rise.
+    sigma : float
+        Standard deviation of the noise in the samples, for `std`.
+    threads : int, optional
+        At most this many threads for a block; by default as in a call of a design.
+
+    Attributes
+    ----------
+    design, channels, dtype, warmup, nan_policy
+        The arguments; designs as a tuple, `delay` applied.
+    count : int
+        Samples pushed since the start or the last `reset`.
+    ready : bool
+        Whether the longest window is full.
+    delay : float
+        Time from the last estimate to the newest sample. Before the first sample, that of full windows.
+    time : float
+        Of the last estimate, if the first sample has time 0; with time stamps, on their clock. NaN before the first
+        sample.
+    std : float or ndarray
+        Standard deviation of the last estimate, in the shape of it.
+    support : int or ndarray
+        Samples in the last window that are not missing: a number for every design and channel.
+    state : dict
+        All that is needed to go on, as JSON can hold it; may be set.
+
+    Notes
+    -----
+    Windows are applied tap by tap, as by the engine "direct", or, where they are still growing, miss samples or have
+    time stamps, fitted. Blocks are computed without the interpreter, and by the engine of a design that names one:
+    those of "moments" and "fft" agree to rounding with what single samples give. Streams may be used by several
+    threads, one push after the other. They are pickled and copied with all that they hold.
+
+    Raises
+    ------
+    ValueError
+        Designs do not go together, or an argument is none of what it may be.
+    TypeError
+        `design` is no `Differentiator` and no sequence of them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from algdiff import Differentiator, Stream
+    >>> d = Differentiator(5, degree=2, kappa=0, mu=0, tau="newest", delta=0.1)
+    >>> stream = Stream(d)
+    >>> for x in (0.1 * np.arange(6)) ** 2:
+    ...     print(round(stream.push(x), 9), end=" ")
+    nan nan nan nan 0.8 1.0
+
+    The same in blocks, the position and the velocity of two channels, from windows of their own:
+
+    >>> position = Differentiator(3, 0, degree=1, delta=0.1)
+    >>> stream = Stream([position, d], channels=2, delay=0)
+    >>> t = 0.1 * np.arange(6)
+    >>> stream.push(np.stack([t**2, 3 * t], axis=1)).shape
+    (2, 6, 2)
+    >>> stream.push([0.36, 1.8]).round(9)[1]
+    array([1.2, 3. ])
+    >>> stream.count, stream.ready, stream.delay, round(stream.time, 9)
+    (7, True, 0.0, 0.6)
+    """
+
+    __slots__ = ("_words", "design", "dtype", "nan_policy", "warmup")
+
+    design: Differentiator | tuple[Differentiator, ...]
+    dtype: np.dtype[Any]
+    warmup: str
+    nan_policy: str
+    _words: dict[str, Any]
+
+    def __new__(
+        cls,
+        design: Differentiator | Sequence[Differentiator],
+        *,
+        channels: SupportsIndex | None = None,
+        dtype: DTypeLike = np.float64,
+        delay: float | None = None,
+        warmup: str = "nan",
+        nan_policy: str = "propagate",
+        min_support: SupportsIndex | None = None,
+        max_gain: float | None = None,
+        sigma: float = 1.0,
+        threads: int | None = None,
+    ) -> Stream:
+        designs = _designs(design, delay)
+        chosen("warmup", warmup, WARMUPS)
+        chosen("nan_policy", nan_policy, POLICIES)
+        kind = _dtype(dtype)
+        count = None if channels is None else arguments.integer("channels", channels, 1)
+        least = max(one.degree for one in designs) + 1
+        support = 0 if min_support is None else arguments.integer("min_support", min_support, least)
+        gain = None if max_gain is None else arguments.real("max_gain", max_gain)
+        level = arguments.real("sigma", sigma)
+        _check(designs, warmup, nan_policy, support, gain, level)
+        several = not isinstance(design, Differentiator)
+        banks = [Bank(one._plans, _engine(one)) for one in designs]
+        self = super().__new__(
+            cls,
+            banks,
+            [_point(one, several) for one in designs],
+            count,
+            leading=several or designs[0]._leading is not None,
+            single=kind == np.float32,
+            grow=warmup == "grow",
+            missing=nan_policy,
+            support=support,
+            gain=gain,
+        )
+        self.design = designs if several else designs[0]
+        self.dtype, self.warmup, self.nan_policy = kind, warmup, nan_policy
+        words = {"channels": count, "dtype": kind.name, "warmup": warmup, "nan_policy": nan_policy}
+        self._words = {**words, "min_support": support or None, "max_gain": gain, "sigma": level}
+        self._words["threads"] = None if threads is None else threads_of.count(threads)
+        return self
+
+    @property
+    def channels(self) -> int | None:
+        """Numbers in a sample; None if a sample is a number."""
+        channels: int | None = self._words["channels"]
+        return channels
+
+    @property
+    def _designs(self) -> tuple[Differentiator, ...]:
+        return self.design if isinstance(self.design, tuple) else (self.design,)
+
+    def _push(self, x: ArrayLike, t: ArrayLike | None, return_std: bool, return_support: bool) -> Any:
+        """Push what is no single sample in the simplest form."""
+        samples = self._samples(x)
+        one = samples.ndim == (self.channels is not None)
+        block = samples[np.newaxis] if one else samples
+        times = None if t is None else self._times(t, one, len(block))
+        orders = sum(len(design._plans) for design in self._designs)
+        estimate = np.empty((orders, *block.shape), self.dtype)
+        std = np.empty_like(estimate) if return_std else None
+        support = np.empty((len(self._designs), *block.shape), np.int64) if return_support else None
+        self._block(
+            block.reshape(-1),
+            times,
+            estimate.reshape(-1),
+            None if std is None else std.reshape(-1),
+            None if support is None else support.reshape(-1),
+            threads=threads_of.count(self._words["threads"]),
+        )
+        if std is not None:
+            std *= self._words["sigma"]
+        leading = isinstance(self.design, tuple)
+
+        def shaped(part: Samples | None, several: bool) -> Any:
+            if part is None:
+                return None
+            part = part[:, 0] if one else part
+            part = part if several else part[0]
+            return part.item() if part.ndim == 0 else part
+
+        orders_lead = leading or self._designs[0]._leading is not None
+        found = shaped(estimate, orders_lead)
+        if not (return_std or return_support):
+            return found
+        return Estimates(found, shaped(std, orders_lead), shaped(support, leading))
+
+    def _samples(self, x: ArrayLike) -> Samples:
+        """Return one sample or a block of them in the stream's type."""
+        kind = x if isinstance(x, np.ma.MaskedArray) else arguments.plain("x", x)
+        samples = arguments.unmasked("x", kind[np.newaxis])[0] if kind.ndim == 0 else arguments.unmasked("x", kind)
+        samples = np.asarray(samples)
+        if samples.dtype.kind == "c":
+            raise TypeError("x must be real numbers, got complex ones: push real and imaginary parts as two channels")
+        shape = () if self.channels is None else (self.channels,)
+        if shape not in (samples.shape, samples.shape[1:] if samples.ndim else None):
+            sample = "a number" if self.channels is None else f"an array of shape {shape}"
+            raise ValueError(f"x must be {sample}, or a block of them along a first axis, got shape {samples.shape}")
+        with np.errstate(over="ignore"):
+            return np.require(samples, self.dtype, ["C", "A"])
+
+    def _times(self, t: ArrayLike, one: bool, count: int) -> Samples:
+        times, shape = arguments.points("t", t)
+        if shape != (() if one else (count,)):
+            raise ValueError(f"t must be {'a number' if one else f'of shape ({count},)'}, got shape {shape}")
+        for design in self._designs:
+            _fits("time stamps", design)
+        return times
+
+    @property
+    def delay(self) -> float:
+        """Time from the last estimate to the newest sample; before the first sample, that of full windows."""
+        delay, newest = self._placed()
+        usual = newest is None and (self.ready or self.warmup == "nan")
+        return self._designs[0].delay if usual or math.isnan(delay) else delay
+
+    @property
+    def time(self) -> float:
+        """Of the last estimate, from the first sample on, or on the clock of the time stamps."""
+        _, newest = self._placed()
+        if self.count == 0:
+            return math.nan
+        return (newest if newest is not None else (self.count - 1) * self._designs[0].delta) - self.delay
+
+    @property
+    def std(self) -> Any:
+        """Standard deviation of the last estimate, in the shape of it."""
+        _, std, _ = self._last()
+        level = self._words["sigma"] * np.array(std, self.dtype)
+        return self._shaped(level, isinstance(self.design, tuple) or self._designs[0]._leading is not None)
+
+    @property
+    def support(self) -> Any:
+        """Samples in the last window that are not missing."""
+        _, _, support = self._last()
+        return self._shaped(np.array(support), isinstance(self.design, tuple))
+
+    def _shaped(self, values: Samples, leading: bool) -> Any:
+        shape = () if self.channels is None else (self.channels,)
+        values = values.reshape(-1, *shape) if leading else values.reshape(shape)
+        return values.item() if values.ndim == 0 else values
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """All that is needed to go on: what the stream was made from, its count and the samples that windows hold."""
+        return _state.of(self)
+
+    @state.setter
+    def state(self, state: dict[str, Any]) -> None:
+        _state.put(self, state)
+
+    @classmethod
+    def from_state(cls, state: dict[str, Any]) -> Stream:
+        """Return a stream that goes on from `state`, to the bit.
+
+        Parameters
+        ----------
+        state : dict
+            What `state` of a stream gave, before or after JSON.
+
+        Raises
+        ------
+        ValueError
+            `state` is none.
+
+        Examples
+        --------
+        >>> import json
+        >>> from algdiff import Differentiator, Stream
+        >>> stream = Differentiator(3, degree=1).stream()
+        >>> stream.push([0.0, 1.0, 2.0])
+        array([nan, nan,  1.])
+        >>> again = Stream.from_state(json.loads(json.dumps(stream.state)))
+        >>> again.push(6.0) == stream.push(6.0), round(stream.push(9.0), 9)
+        (True, 3.5)
+        """
+        design, options = _state.made_from(state)
+        stream = cls(design, **options)
+        _state.put(stream, state)
+        return stream
+
+    def copy(self) -> Stream:
+        """Return a stream that goes on from here on its own.
+
+        Examples
+        --------
+        >>> from algdiff import Differentiator
+        >>> stream = Differentiator(3, degree=1).stream()
+        >>> other = stream.copy()
+        >>> other.push(1.0), other.count, stream.count
+        (nan, 1, 0)
+        """
+        return rebuild(type(self), self.design, self._words, self._held())
+
+    def __copy__(self) -> Stream:
+        return self.copy()
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Stream:
+        return self.copy()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return rebuild, (type(self), self.design, self._words, self._held())
+
+    def __repr__(self) -> str:
+        words = [f"{name}={value!r}" for name, value in self._words.items() if value is not None]
+        return f"Stream({self.design!r}, {', '.join(words)})"
+
+
+def rebuild(
+    cls: type[Stream], design: Any, words: dict[str, Any], held: tuple[list[float], list[float], int]
+) -> Stream:
+    """Return the stream that was made from these words and has seen these samples."""
+    stream = cls(design, **words)
+    stream._restore(*held)
+    return stream
+
+
+def _designs(design: object, delay: float | None) -> tuple[Differentiator, ...]:
+    """Return the designs with the delay applied, which must be one."""
+    given = (design,) if isinstance(design, Differentiator) else design
+    if not isinstance(given, Sequence) or not all(isinstance(one, Differentiator) for one in given):
+        raise TypeError(f"design must be a Differentiator or a sequence of them, got {design!r}")
+    if not given:
+        raise ValueError("design must be a Differentiator or a sequence of them, got an empty one")
+    designs: tuple[Differentiator, ...] = tuple(given)
+    first = designs[0]
+    if any(one.delta != first.delta for one in designs):
+        raise ValueError(f"designs must have the same delta, got {[one.delta for one in designs]}")
+    if delay is not None:
+        wanted = arguments.real("delay", delay)
+        designs = tuple(one._changed(delay=wanted, tau=None) for one in designs)
+    elif not all(math.isclose(one.delay, first.delay, rel_tol=1e-9, abs_tol=1e-9 * one.delta) for one in designs):
+        raise ValueError(f"designs must have the same delay, got {[one.delay for one in designs]}: give delay")
+    return designs
+
+
+def _engine(design: Differentiator) -> str:
+    """Return the engine of blocks: the one that gives the same bits whatever blocks, unless another was asked for."""
+    asked: str = design._asked["engine"]
+    return "direct" if asked == "auto" else asked
+
+
+def _dtype(dtype: DTypeLike) -> np.dtype[Any]:
+    kind = np.dtype(dtype)
+    if kind not in (np.float64, np.float32):
+        raise ValueError(f"dtype must be float64 or float32, got {kind}")
+    return kind.newbyteorder("=")
+
+
+def _check(
+    designs: tuple[Differentiator, ...], warmup: str, policy: str, support: int, gain: float | None, sigma: float
+) -> None:
+    if not (math.isfinite(sigma) and sigma >= 0):
+        raise ValueError(f"sigma must be finite and not negative, got {sigma}")
+    if gain is not None and not gain >= 1:
+        raise ValueError(f"max_gain must be at least 1, got {gain}")
+    for design in designs:
+        if support > design.weights.shape[-1]:
+            raise ValueError(
+                f"min_support must be at most the {design.weights.shape[-1]} samples of a window, got {support}"
+            )
+        if warmup == "grow":
+            _fits("warmup = 'grow'", design)
+        if policy == "omit" and design.rule != "exact":
+            raise ValueError(f"rule must be 'exact' with nan_policy = 'omit', got {design.rule!r}")
+
+
+def _fits(what: str, design: Differentiator) -> None:
+    """Refuse designs whose shorter or uneven windows are not known."""
+    if design.rule != "exact":
+        raise ValueError(f"rule must be 'exact' with {what}, got {design.rule!r}")
+    if design.trim != 0:
+        raise ValueError(f"trim must be 0 with {what}, got {design.trim}")
+
+
+def _point(design: Differentiator, several: bool) -> tuple[float | None, float]:
+    """Return where windows are estimated that are not the design's own: at `tau`, or at a delay."""
+    asked = design._asked
+    by_delay = several or asked["delay"] is not None or asked["tau"] == "newest"
+    return (None if by_delay else design.tau), design.delay
