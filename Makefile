@@ -1,4 +1,4 @@
-.PHONY: help dev fmt lint test-rust test-registers test check bench
+.PHONY: help dev fmt lint test-rust test-registers test check bench soak
 
 PYTHON ?= python
 
@@ -23,6 +23,7 @@ lint: ## formatters, linters, types and stubs; needs `make dev`
 
 test-rust: ## tests of the core
 	cargo test --workspace --release
+	cargo run --release --package algdiff-core --example control_loop
 
 test-registers: ## the engines on registers of other CPUs as well; takes minutes to compile
 	cargo test --package algdiff-core --release --lib --features emulated-registers engine
@@ -35,3 +36,6 @@ check: dev lint test-rust test ## all that continuous integration does
 bench: ## speed against the targets and the peers, and the choice of the engine; results are checked first
 	$(PYTHON) benches/peers.py
 	$(PYTHON) benches/engines.py --strict
+
+soak: ## long runs: streams do not grow and do not drift
+	$(PYTHON) benches/soak.py

@@ -169,6 +169,7 @@ class Stream:
         missing: str,
         support: int,
         gain: float | None,
+        threads: int,
     ) -> Self: ...
     @property
     def count(self) -> int: ...
@@ -186,7 +187,6 @@ class Stream:
         std: NDArray[np.float64] | NDArray[np.float32] | None = None,
         support: NDArray[np.int64] | None = None,
         *,
-        threads: int = 0,
         progress: Callable[[float], object] | None = None,
     ) -> None: ...
     def _last(self) -> tuple[list[float], list[float], list[int]]: ...

@@ -142,7 +142,7 @@ class Stream(_core.Stream):
         least = max(one.degree for one in designs) + 1
         support = 0 if min_support is None else arguments.integer("min_support", min_support, least)
         gain = None if max_gain is None else arguments.real("max_gain", max_gain)
-        level = arguments.real("sigma", sigma)
+        level, most = arguments.real("sigma", sigma), threads_of.count(threads)
         _check(designs, warmup, nan_policy, support, gain, level)
         several = not isinstance(design, Differentiator)
         banks = [Bank(one._plans, _engine(one)) for one in designs]
@@ -157,12 +157,13 @@ class Stream(_core.Stream):
             missing=nan_policy,
             support=support,
             gain=gain,
+            threads=most,
         )
         self.design = designs if several else designs[0]
         self.dtype, self.warmup, self.nan_policy = kind, warmup, nan_policy
         words = {"channels": count, "dtype": kind.name, "warmup": warmup, "nan_policy": nan_policy}
         self._words = {**words, "min_support": support or None, "max_gain": gain, "sigma": level}
-        self._words["threads"] = None if threads is None else threads_of.count(threads)
+        self._words["threads"] = None if threads is None else most
         return self
 
     @property
@@ -191,7 +192,6 @@ class Stream(_core.Stream):
             estimate.reshape(-1),
             None if std is None else std.reshape(-1),
             None if support is None else support.reshape(-1),
-            threads=threads_of.count(self._words["threads"]),
         )
         if std is not None:
             std *= self._words["sigma"]

@@ -8,7 +8,9 @@ use algdiff_core::bank::Bank as CoreBank;
 use algdiff_core::engine::Sample;
 use algdiff_core::error::Error;
 use algdiff_core::stream::{Fitted, Missing, Point, Results, Wanted};
-use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray1, PyUntypedArrayMethods};
+use numpy::{
+    Element, PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadwriteArray1, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::intern;
 use pyo3::prelude::*;
@@ -28,7 +30,14 @@ pub struct Stream {
     /// Whether results have a leading axis over the orders.
     leading: bool,
     single: bool,
+    /// Orders of all designs.
+    orders: usize,
+    /// For blocks.
+    threads: usize,
 }
+
+/// Estimates, standard deviations and support.
+type Newest = (Vec<f64>, Vec<f64>, Vec<i64>);
 
 enum Inner {
     Double(Fitted<f64>),
@@ -105,20 +114,26 @@ impl Stream {
         Ok(estimate.into_any())
     }
 
-    /// The estimates of one sample that needs no conversion.
-    fn vector<'py, T: Number>(
-        &self,
-        x: &Bound<'py, PyAny>,
-        channels: usize,
-        time: Option<f64>,
-    ) -> PyResult<Option<Bound<'py, PyAny>>> {
-        let Ok(x) = x.cast_exact::<PyArray1<T>>() else { return Ok(None) };
-        if x.len() != channels {
+    /// The estimates of one sample or a block that needs no conversion; none if `x` is neither.
+    fn array<'py, T: Number>(&self, x: &Bound<'py, PyAny>, time: Option<f64>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Ok(x) = x.cast_exact::<PyArrayDyn<T>>() else { return Ok(None) };
+        let (shape, own) = (x.shape(), self.channels.as_slice());
+        let Some(axes) = shape.len().checked_sub(own.len()) else { return Ok(None) };
+        if axes > 1 || (axes == 1 && time.is_some()) || shape[axes..] != *own || !x.is_c_contiguous() {
             return Ok(None);
         }
-        let Ok(held) = x.try_readonly() else { return Ok(None) };
-        let Ok(sample) = held.as_slice() else { return Ok(None) };
-        self.sample(x.py(), sample, time).map(Some)
+        let (py, held) = (x.py(), x.try_readonly()?);
+        let samples = held.as_slice()?;
+        if axes == 0 {
+            return self.sample(py, samples, time).map(Some);
+        }
+        let leading = self.leading.then_some(self.orders);
+        let sizes: Vec<usize> = leading.into_iter().chain(shape.iter().copied()).collect();
+        let found = PyArrayDyn::<T>::zeros(py, sizes, false);
+        let mut estimate = found.try_readwrite()?;
+        let results = Results { estimate: estimate.as_slice_mut()?, std: None, support: None };
+        self.take(py, samples, None, results, None)?;
+        Ok(Some(found.clone().into_any()))
     }
 
     fn block<T: Number>(&self, py: Python<'_>, call: Block<'_, '_>) -> PyResult<()> {
@@ -132,14 +147,27 @@ impl Stream {
             support: support.as_mut().map(|out| out.as_slice_mut()).transpose()?,
         };
         let (x, t) = (x.as_slice()?, call.t.as_ref().map(|t| t.as_slice()).transpose()?);
+        self.take(py, x, t, results, call.progress)
+    }
+
+    /// Takes a block without the interpreter.
+    fn take<T: Number>(
+        &self,
+        py: Python<'_>,
+        x: &[T],
+        t: Option<&[f64]>,
+        results: Results<'_, T>,
+        progress: Option<Py<PyAny>>,
+    ) -> PyResult<()> {
         if self.is_mine() {
             return self.alone(py, |_| Ok(()));
         }
-        enter(py, call.progress, |control| {
-            let mut inner = self.inner.lock().map_err(|_| Error::argument("stream", "failed", "a new one"))?;
+        enter(py, progress, |control| {
+            let mut inner =
+                self.inner.lock().map_err(|_| Error::argument("stream", "one that failed", "another one"))?;
             let own = |own| self.pushing.lock().map_or((), |mut pushing| *pushing = own);
             own(Some(thread::current().id()));
-            let done = T::of(&mut inner).and_then(|stream| stream.push_block(x, t, results, call.threads, control));
+            let done = T::of(&mut inner).and_then(|stream| stream.push_block(x, t, results, self.threads, control));
             own(None);
             done
         })
@@ -153,7 +181,6 @@ struct Block<'a, 'py> {
     estimate: &'a Bound<'py, PyAny>,
     std: Option<&'a Bound<'py, PyAny>>,
     support: Option<PyReadwriteArray1<'py, i64>>,
-    threads: usize,
     progress: Option<Py<PyAny>>,
 }
 
@@ -161,7 +188,7 @@ struct Block<'a, 'py> {
 impl Stream {
     /// For `banks`; windows that are not their own are estimated at `points`, each a share of the window or else a delay.
     #[new]
-    #[pyo3(signature = (banks, points, channels, *, leading, single, grow, missing, support, gain))]
+    #[pyo3(signature = (banks, points, channels, *, leading, single, grow, missing, support, gain, threads))]
     #[expect(clippy::too_many_arguments, reason = "the stream's own parameters, by their own names")]
     #[expect(clippy::needless_pass_by_value, reason = "a Python list becomes a vector")]
     fn new(
@@ -175,6 +202,7 @@ impl Stream {
         missing: &str,
         support: usize,
         gain: Option<f64>,
+        threads: usize,
     ) -> PyResult<Self> {
         let missing = match missing {
             "propagate" => Missing::Propagate,
@@ -193,7 +221,9 @@ impl Stream {
                 Inner::Double(Fitted::new(&banks, numbers, wanted)?)
             })
         })?;
-        Ok(Self { inner: Mutex::new(inner), pushing: Mutex::new(None), channels, leading, single })
+        let orders = each!(&inner, stream => stream.stream().orders());
+        let (inner, pushing) = (Mutex::new(inner), Mutex::new(None));
+        Ok(Self { inner, pushing, channels, leading, single, orders, threads })
     }
 
     /// Take one sample or a block of samples, and return the estimates that belong to them.
@@ -234,28 +264,25 @@ impl Stream {
         let (py, this) = (slf.py(), slf.get());
         let time = t.and_then(number);
         if time.is_some() == t.is_some() && !return_std && !return_support {
-            if let Some(channels) = this.channels {
-                let done = if this.single {
-                    this.vector::<f32>(x, channels, time)?
-                } else {
-                    this.vector::<f64>(x, channels, time)?
-                };
-                if let Some(done) = done {
-                    return Ok(done);
-                }
-            } else if let Some(value) = number(x) {
+            if this.channels.is_none()
+                && let Some(value) = number(x)
+            {
                 return if this.single {
                     this.sample(py, &[value as f32], time)
                 } else {
                     this.sample(py, &[value], time)
                 };
             }
+            let done = if this.single { this.array::<f32>(x, time)? } else { this.array::<f64>(x, time)? };
+            if let Some(done) = done {
+                return Ok(done);
+            }
         }
         slf.call_method1(intern!(py, "_push"), (x, t, return_std, return_support))
     }
 
     /// The results of a block: flat arrays of the stream's dtype.
-    #[pyo3(signature = (x, t, estimate, std=None, support=None, *, threads=0, progress=None))]
+    #[pyo3(signature = (x, t, estimate, std=None, support=None, *, progress=None))]
     #[expect(clippy::too_many_arguments, reason = "the call's own parameters, by their own names")]
     fn _block(
         &self,
@@ -265,21 +292,20 @@ impl Stream {
         estimate: &Bound<'_, PyAny>,
         std: Option<&Bound<'_, PyAny>>,
         support: Option<PyReadwriteArray1<'_, i64>>,
-        threads: usize,
         progress: Option<Py<PyAny>>,
     ) -> PyResult<()> {
-        let call = Block { x, t, estimate, std, support, threads, progress };
+        let call = Block { x, t, estimate, std, support, progress };
         if self.single { self.block::<f32>(py, call) } else { self.block::<f64>(py, call) }
     }
 
     /// Estimates, standard deviations and support of the newest windows once more, as lists.
-    fn _last(&self, py: Python<'_>) -> PyResult<(Vec<f64>, Vec<f64>, Vec<i64>)> {
+    fn _last(&self, py: Python<'_>) -> PyResult<Newest> {
         self.alone(py, |inner| each!(inner, stream => last(stream)))
     }
 
     /// All that the windows hold: the newest samples, flat, and their times; and how many came before and with them.
     fn _held(&self, py: Python<'_>) -> PyResult<(Vec<f64>, Vec<f64>, u64)> {
-        self.alone(py, |inner| each!(inner, stream => held(stream)))
+        self.alone(py, |inner| Ok(each!(inner, stream => held(stream))))
     }
 
     /// Goes on from what `_held` gave.
@@ -314,12 +340,14 @@ impl Stream {
     }
 }
 
+/// The types of NumPy's real numbers, once they are needed.
+static TYPES: [PyOnceLock<Py<PyType>>; 2] = [PyOnceLock::new(), PyOnceLock::new()];
+
 /// A plain real number of Python's or NumPy's.
 fn number(value: &Bound<'_, PyAny>) -> Option<f64> {
     if let Ok(value) = value.cast::<PyFloat>() {
         return Some(value.value());
     }
-    static TYPES: [PyOnceLock<Py<PyType>>; 2] = [PyOnceLock::new(), PyOnceLock::new()];
     let known = value.cast_exact::<PyInt>().is_ok()
         || ["floating", "integer"].iter().zip(&TYPES).any(|(name, cell)| {
             let kind = cell.import(value.py(), "numpy", name);
@@ -328,7 +356,7 @@ fn number(value: &Bound<'_, PyAny>) -> Option<f64> {
     if known { value.extract().ok() } else { None }
 }
 
-fn last<T: Sample>(stream: &mut Fitted<T>) -> Result<(Vec<f64>, Vec<f64>, Vec<i64>), Error> {
+fn last<T: Sample>(stream: &mut Fitted<T>) -> Result<Newest, Error> {
     let (channels, orders) = (stream.stream().channels(), stream.stream().orders());
     let mut estimate = vec![T::default(); orders * channels];
     let mut std = estimate.clone();
@@ -339,12 +367,12 @@ fn last<T: Sample>(stream: &mut Fitted<T>) -> Result<(Vec<f64>, Vec<f64>, Vec<i6
     Ok((wide(estimate), wide(std), support))
 }
 
-fn held<T: Sample>(stream: &Fitted<T>) -> Result<(Vec<f64>, Vec<f64>, u64), Error> {
+fn held<T: Sample>(stream: &Fitted<T>) -> (Vec<f64>, Vec<f64>, u64) {
     let (inner, count) = (stream.stream(), stream.stream().count());
     let kept = usize::try_from(count).map_or(inner.length(), |count| count.min(inner.length()));
     let mut samples = vec![T::default(); kept * inner.channels()];
     inner.copy_newest(kept, &mut samples);
-    Ok((samples.into_iter().map(Sample::to_f64).collect(), stream.times().to_vec(), count))
+    (samples.into_iter().map(Sample::to_f64).collect(), stream.times().to_vec(), count)
 }
 
 fn restore<T: Sample>(stream: &mut Fitted<T>, samples: &[f64], times: &[f64], count: u64) -> Result<(), Error> {

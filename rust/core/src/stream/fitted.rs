@@ -144,6 +144,8 @@ impl<T: Sample> Fitted<T> {
     }
 
     /// Takes one sample, taken at `time` unless at even steps, and writes the newest estimates, as [`Stream::push`].
+    ///
+    /// On an error the stream is as it was before, unless it is of memory.
     pub fn push(&mut self, sample: &[T], time: Option<f64>, estimate: &mut [T]) -> Result<(), Error> {
         let whole = self.stream.count.saturating_add(1) >= self.stream.length as u64;
         let missing = self.wanted.missing != Missing::Propagate && (self.tainted > 0 || any_missing(sample));
@@ -152,6 +154,7 @@ impl<T: Sample> Fitted<T> {
             self.stream.push(sample, estimate);
             return Ok(());
         }
+        self.stream.cut(sample, estimate)?;
         self.admit(sample, time.as_slice())?;
         self.stream.keep(sample);
         self.remember(time.as_slice());
@@ -159,7 +162,7 @@ impl<T: Sample> Fitted<T> {
         self.last(Results { estimate, std: None, support: None })
     }
 
-    /// The newest estimates once more.
+    /// The newest estimates once more, in places as for one sample.
     pub fn last(&mut self, mut results: Results<'_, T>) -> Result<(), Error> {
         let Self { stream, locals, times, memory, .. } = self;
         let channels = stream.channels;
