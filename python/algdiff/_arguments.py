@@ -3,6 +3,7 @@
 import operator
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -113,6 +114,16 @@ def working_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
     if dtype.kind == "c":
         return np.dtype(np.complex64 if dtype.itemsize == 8 else np.complex128)
     return np.dtype(np.float32 if dtype.kind == "f" and dtype.itemsize == 4 else np.float64)
+
+
+def real_dtype(name: str, dtype: DTypeLike) -> np.dtype[Any]:
+    """Return float64 or float32 as NumPy's."""
+    real: np.dtype[Any] | None = None
+    with suppress(TypeError):
+        real = np.dtype(dtype)
+    if real not in (np.float64, np.float32):
+        raise TypeError(f"{name} must be float64 or float32, got {dtype!r}")
+    return np.dtype(real.name)
 
 
 def plain(name: str, values: ArrayLike) -> Samples:

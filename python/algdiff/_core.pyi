@@ -169,6 +169,7 @@ class Stream:
         missing: str,
         support: int,
         gain: float | None,
+        stamps: bool,
         threads: int,
     ) -> Self: ...
     @property

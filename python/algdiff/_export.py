@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from contextlib import suppress
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import DTypeLike
+
+from algdiff import _arguments as arguments
 
 if TYPE_CHECKING:
     from algdiff._differentiator import Differentiator
@@ -119,7 +120,7 @@ KEEPS = "An offset costs no digits, and a constant gives exactly {constant}."
 def to_c(design: Differentiator, name: str, dtype: DTypeLike) -> str:
     """Return the text of `Differentiator.to_c`."""
     _check_identifier(name)
-    real = _real(dtype)
+    real = arguments.real_dtype("dtype", dtype)
     single = real == np.float32
     taps, scale, on_differences, anchor = design._plan.taps(single)
     width = STRIDE // real.itemsize // (2 if taps.size <= FEW else 1)
@@ -160,15 +161,6 @@ def _literal(value: float) -> str:
     if math.isinf(value):
         return "HUGE_VAL"
     return f"({value!r})" if value < 0 else repr(value)
-
-
-def _real(dtype: DTypeLike) -> np.dtype[Any]:
-    real: np.dtype[Any] | None = None
-    with suppress(TypeError):
-        real = np.dtype(dtype)
-    if real is None or real not in (np.float64, np.float32):
-        raise TypeError(f"dtype must be float64 or float32, got {dtype!r}")
-    return real
 
 
 def _check_identifier(name: object) -> None:

@@ -22,26 +22,38 @@ def of(stream: Stream) -> dict[str, Any]:
     return {
         "version": VERSION,
         "design": [_asked(one) for one in design] if isinstance(design, tuple) else _asked(design),
-        "options": dict(stream._words),
+        "options": {name: _plain(value) for name, value in stream._words.items()},
         "count": count,
-        "samples": [value if math.isfinite(value) else str(value) for value in samples],
+        "samples": [_plain(value) for value in samples],
         "times": times,
     }
+
+
+def _plain(value: Any) -> Any:
+    """Return numbers that JSON does not have as words."""
+    return str(value) if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _numbers(options: dict[str, Any]) -> dict[str, Any]:
+    """Return options with such a word as a number: infinite gains may be allowed."""
+    return {name: math.inf if value == "inf" else value for name, value in options.items()}
 
 
 def _asked(design: Differentiator) -> dict[str, Any]:
     return {name: list(value) if isinstance(value, tuple) else value for name, value in design._asked.items()}
 
 
-def made_from(state: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
-    """Return the design and the options of the stream whose state this is."""
+def restored(cls: type[Stream], state: dict[str, Any]) -> Stream:
+    """Return the stream whose state this is."""
     _check(state)
     design = state["design"]
     try:
         made = tuple(_design(one) for one in design) if isinstance(design, list) else _design(design)
-        return made, dict(state["options"])
-    except (TypeError, KeyError) as error:
-        raise ValueError(f"state must hold a design and the options of a stream: {error}") from None
+        stream = cls(made, **_numbers(state["options"]))
+    except (TypeError, KeyError, AttributeError) as error:
+        raise ValueError(f"state must hold the design and the options of a stream: {error}") from None
+    put(stream, state)
+    return stream
 
 
 def put(stream: Stream, state: dict[str, Any]) -> None:
@@ -52,10 +64,10 @@ def put(stream: Stream, state: dict[str, Any]) -> None:
         if state[name] != own[name]:
             raise ValueError(f"state must be of a stream with the same {name}, {own[name]}, got {state[name]}")
     try:
-        samples, times, count = [float(value) for value in state["samples"]], list(state["times"]), state["count"]
-        stream._restore(samples, times, count)
-    except (TypeError, OverflowError) as error:
-        raise ValueError(f"state must hold numbers as samples, times and count: {error}") from None
+        held = [float(value) for value in state["samples"]], [float(value) for value in state["times"]], state["count"]
+        stream._restore(*held)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"state must hold the samples, times and count of a stream: {error}") from None
 
 
 def _check(state: object) -> None:

@@ -87,7 +87,7 @@ class Stream(_core.Stream):
     ValueError
         Designs do not go together, or an argument is none of what it may be.
     TypeError
-        `design` is no `Differentiator` and no sequence of them.
+        `design` is no `Differentiator` and no sequence of them, or `dtype` another one.
 
     Examples
     --------
@@ -137,7 +137,7 @@ class Stream(_core.Stream):
         designs = _designs(design, delay)
         chosen("warmup", warmup, WARMUPS)
         chosen("nan_policy", nan_policy, POLICIES)
-        kind = _dtype(dtype)
+        kind = arguments.real_dtype("dtype", dtype)
         count = None if channels is None else arguments.integer("channels", channels, 1)
         least = max(one.degree for one in designs) + 1
         support = 0 if min_support is None else arguments.integer("min_support", min_support, least)
@@ -157,6 +157,7 @@ class Stream(_core.Stream):
             missing=nan_policy,
             support=support,
             gain=gain,
+            stamps=all(one.rule == "exact" and one.trim == 0 for one in designs),
             threads=most,
         )
         self.design = designs if several else designs[0]
@@ -212,9 +213,9 @@ class Stream(_core.Stream):
 
     def _samples(self, x: ArrayLike) -> Samples:
         """Return one sample or a block of them in the stream's type."""
-        kind = x if isinstance(x, np.ma.MaskedArray) else arguments.plain("x", x)
-        samples = arguments.unmasked("x", kind[np.newaxis])[0] if kind.ndim == 0 else arguments.unmasked("x", kind)
-        samples = np.asarray(samples)
+        given = x if isinstance(x, np.ma.MaskedArray) else arguments.plain("x", x)
+        # A number has no axes, which arrays of a signal must have.
+        samples = arguments.unmasked("x", given[np.newaxis] if given.ndim == 0 else given).reshape(given.shape)
         if samples.dtype.kind == "c":
             raise TypeError("x must be real numbers, got complex ones: push real and imaginary parts as two channels")
         shape = () if self.channels is None else (self.channels,)
@@ -299,10 +300,7 @@ class Stream(_core.Stream):
         >>> again.push(6.0) == stream.push(6.0), round(stream.push(9.0), 9)
         (True, 3.5)
         """
-        design, options = _state.made_from(state)
-        stream = cls(design, **options)
-        _state.put(stream, state)
-        return stream
+        return _state.restored(cls, state)
 
     def copy(self) -> Stream:
         """Return a stream that goes on from here on its own.
@@ -353,6 +351,9 @@ def _designs(design: object, delay: float | None) -> tuple[Differentiator, ...]:
         raise ValueError(f"designs must have the same delta, got {[one.delta for one in designs]}")
     if delay is not None:
         wanted = arguments.real("delay", delay)
+        if any(one.trim != 0 for one in designs):
+            trims = [one.trim for one in designs]
+            raise ValueError(f"give delay or trim, not both: got delay = {delay!r} and designs with trim = {trims}")
         designs = tuple(one._changed(delay=wanted, tau=None) for one in designs)
     elif not all(math.isclose(one.delay, first.delay, rel_tol=1e-9, abs_tol=1e-9 * one.delta) for one in designs):
         raise ValueError(f"designs must have the same delay, got {[one.delay for one in designs]}: give delay")
@@ -363,13 +364,6 @@ def _engine(design: Differentiator) -> str:
     """Return the engine of blocks: the one that gives the same bits whatever blocks, unless another was asked for."""
     asked: str = design._asked["engine"]
     return "direct" if asked == "auto" else asked
-
-
-def _dtype(dtype: DTypeLike) -> np.dtype[Any]:
-    kind = np.dtype(dtype)
-    if kind not in (np.float64, np.float32):
-        raise ValueError(f"dtype must be float64 or float32, got {kind}")
-    return kind.newbyteorder("=")
 
 
 def _check(

@@ -31,9 +31,12 @@ pub use window::Point;
 use crate::bank::Bank;
 use crate::control::Control;
 use crate::engine::direct::{Direct, stride};
-use crate::engine::{Sample, Taps};
+use crate::engine::{Engine, Sample, Taps};
 use crate::error::{Error, try_vec};
 use crate::run::{Job, Layout, Mode};
+
+/// Samples of a block that are faster one by one.
+const FEW: usize = 4;
 
 /// The last samples of one or several channels, and the designs that are applied to them.
 #[derive(Debug, Clone)]
@@ -57,6 +60,8 @@ struct Part<T: Sample> {
     bank: Arc<Bank>,
     direct: Arc<Direct<T>>,
     span: usize,
+    /// Whether the engine of the bank gives the same bits.
+    sequential: bool,
 }
 
 impl<T: Sample> Stream<T> {
@@ -68,7 +73,8 @@ impl<T: Sample> Stream<T> {
         let part = |bank: &Arc<Bank>| {
             let taps: Vec<&Taps> = bank.plans().iter().map(|plan| plan.taps()).collect();
             let direct = Arc::new(Direct::new(&taps)?);
-            Ok(Part { bank: Arc::clone(bank), span: direct.span(), direct })
+            let sequential = bank.engine::<T>()? == Engine::Direct;
+            Ok(Part { bank: Arc::clone(bank), span: direct.span(), direct, sequential })
         };
         let parts = banks.iter().map(part).collect::<Result<Vec<_>, Error>>()?;
         let length = parts.iter().map(|part| part.span).max();
@@ -120,14 +126,23 @@ impl<T: Sample> Stream<T> {
     #[inline]
     pub fn push(&mut self, sample: &[T], out: &mut [T]) {
         self.keep(sample);
-        let mut rest = out;
+        let mut outs = out.chunks_mut(self.channels.max(1));
         for part in &self.parts {
-            let size = part.direct.count().wrapping_mul(self.channels).min(rest.len());
-            let (own, others) = rest.split_at_mut_checked(size).unwrap_or_default();
-            rest = others;
-            match self.newest(part.span) {
-                Some(window) => part.direct.latest(window, self.channels, own),
-                None => own.fill(T::from_f64(f64::NAN)),
+            self.estimate(part, outs.by_ref().take(part.direct.count()));
+        }
+    }
+
+    /// The newest estimates of a design, for every order.
+    #[inline]
+    fn estimate<'o>(&self, part: &Part<T>, outs: impl Iterator<Item = &'o mut [T]>)
+    where
+        T: 'o,
+    {
+        let window = self.newest(part.span);
+        for (order, out) in outs.enumerate() {
+            match window {
+                Some(window) => part.direct.latest(order, window, self.channels, out),
+                None => out.fill(T::from_f64(f64::NAN)),
             }
         }
     }
@@ -165,6 +180,11 @@ impl<T: Sample> Stream<T> {
         threads: usize,
         control: &impl Control,
     ) -> Result<(), Error> {
+        let mut outs = outs;
+        if block.len() <= FEW * self.channels && self.parts.iter().all(|part| part.sequential) {
+            self.push_each(block, &mut outs);
+            return Ok(());
+        }
         let mut outs = outs.into_iter();
         for part in &self.parts {
             let outs = outs.by_ref().take(part.direct.count()).collect();
@@ -172,6 +192,17 @@ impl<T: Sample> Stream<T> {
         }
         self.keep_block(block);
         Ok(())
+    }
+
+    /// One sample after the other.
+    fn push_each(&mut self, block: &[T], outs: &mut [&mut [T]]) {
+        for (row, sample) in block.chunks_exact(self.channels).enumerate() {
+            self.keep(sample);
+            let mut outs = outs.iter_mut().map(|out| &mut out[row * self.channels..][..self.channels]);
+            for part in &self.parts {
+                self.estimate(part, outs.by_ref().take(part.direct.count()));
+            }
+        }
     }
 
     /// The outputs of a block for one design: first those whose windows reach back before it.

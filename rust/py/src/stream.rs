@@ -1,10 +1,12 @@
 //! The boundary of [`algdiff_core::stream`].
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Arc, Mutex, TryLockError};
+use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 use std::thread::{self, ThreadId};
+use std::time::{Duration, Instant};
 
 use algdiff_core::bank::Bank as CoreBank;
+use algdiff_core::control::Control;
 use algdiff_core::engine::Sample;
 use algdiff_core::error::Error;
 use algdiff_core::stream::{Fitted, Missing, Point, Results, Wanted};
@@ -19,6 +21,14 @@ use pyo3::types::{PyFloat, PyInt, PyType};
 
 use crate::{Bank, InternalError, enter, raised, unknown};
 
+const FAILED: &str = "the stream failed inside; please report what you called";
+
+/// How long a thread sleeps that waits for another one's block.
+const PAUSE: Duration = Duration::from_micros(50);
+
+/// How often it hears whether to go on.
+const INTERVAL: Duration = Duration::from_millis(40);
+
 /// Estimates sample by sample.
 #[pyclass(frozen, subclass, module = "algdiff._core")]
 pub struct Stream {
@@ -32,6 +42,8 @@ pub struct Stream {
     single: bool,
     /// Orders of all designs.
     orders: usize,
+    /// Whether the designs may be fitted to samples at times of their own.
+    stamps: bool,
     /// For blocks.
     threads: usize,
 }
@@ -74,19 +86,37 @@ macro_rules! each {
 impl Stream {
     /// Runs `call` alone: at once if no other thread is pushing, and without the interpreter otherwise.
     fn alone<R: Send>(&self, py: Python<'_>, call: impl FnOnce(&mut Inner) -> Result<R, Error> + Send) -> PyResult<R> {
-        let outcome = catch_unwind(AssertUnwindSafe(|| match self.inner.try_lock() {
-            Ok(mut inner) => Some(call(&mut inner)),
-            Err(TryLockError::WouldBlock) if !self.is_mine() => {
-                py.detach(|| self.inner.lock().ok().map(|mut inner| call(&mut inner)))
+        let inner = match self.inner.try_lock() {
+            Ok(inner) => inner,
+            Err(TryLockError::WouldBlock) if self.is_mine() => {
+                return Err(PyRuntimeError::new_err("the stream is used by a signal handler while it takes a block"));
             }
-            Err(_) => None,
+            // Another thread is taking a block; or it failed, which is said there as well.
+            Err(_) => return enter(py, None, |control| call(&mut *self.wait(control)?)),
+        };
+        // What fails inside poisons the lock.
+        let outcome = catch_unwind(AssertUnwindSafe(move || {
+            let mut inner = inner;
+            call(&mut inner)
         }));
-        match outcome {
-            Ok(Some(result)) => result.map_err(raised),
-            Ok(None) if self.is_mine() => {
-                Err(PyRuntimeError::new_err("the stream is used by a signal handler while it takes a block"))
+        outcome.map_or_else(|_| Err(InternalError::new_err(FAILED)), |result| result.map_err(raised))
+    }
+
+    /// Waits, without the interpreter, until no other thread is pushing, or the caller has heard that it should stop.
+    fn wait(&self, control: &impl Control) -> Result<MutexGuard<'_, Inner>, Error> {
+        let mut heard = Instant::now();
+        loop {
+            match self.inner.try_lock() {
+                Ok(inner) => return Ok(inner),
+                Err(TryLockError::WouldBlock) => thread::sleep(PAUSE),
+                Err(TryLockError::Poisoned(_)) => {
+                    return Err(Error::argument("stream", "one that failed inside", "another one"));
+                }
             }
-            _ => Err(InternalError::new_err("the stream failed inside; please report what you called")),
+            if heard.elapsed() > INTERVAL {
+                control.check(0.0)?;
+                heard = Instant::now();
+            }
         }
     }
 
@@ -188,8 +218,12 @@ struct Block<'a, 'py> {
 impl Stream {
     /// For `banks`; windows that are not their own are estimated at `points`, each a share of the window or else a delay.
     #[new]
-    #[pyo3(signature = (banks, points, channels, *, leading, single, grow, missing, support, gain, threads))]
-    #[expect(clippy::too_many_arguments, reason = "the stream's own parameters, by their own names")]
+    #[pyo3(signature = (banks, points, channels, *, leading, single, grow, missing, support, gain, stamps, threads))]
+    #[expect(
+        clippy::too_many_arguments,
+        clippy::fn_params_excessive_bools,
+        reason = "the stream's own parameters, by their own names"
+    )]
     #[expect(clippy::needless_pass_by_value, reason = "a Python list becomes a vector")]
     fn new(
         py: Python<'_>,
@@ -202,6 +236,7 @@ impl Stream {
         missing: &str,
         support: usize,
         gain: Option<f64>,
+        stamps: bool,
         threads: usize,
     ) -> PyResult<Self> {
         let missing = match missing {
@@ -223,7 +258,7 @@ impl Stream {
         })?;
         let orders = each!(&inner, stream => stream.stream().orders());
         let (inner, pushing) = (Mutex::new(inner), Mutex::new(None));
-        Ok(Self { inner, pushing, channels, leading, single, orders, threads })
+        Ok(Self { inner, pushing, channels, leading, single, orders, stamps, threads })
     }
 
     /// Take one sample or a block of samples, and return the estimates that belong to them.
@@ -263,7 +298,7 @@ impl Stream {
     ) -> PyResult<Bound<'py, PyAny>> {
         let (py, this) = (slf.py(), slf.get());
         let time = t.and_then(number);
-        if time.is_some() == t.is_some() && !return_std && !return_support {
+        if time.is_some() == t.is_some() && (t.is_none() || this.stamps) && !return_std && !return_support {
             if this.channels.is_none()
                 && let Some(value) = number(x)
             {

@@ -226,16 +226,14 @@ impl<T: Sample> Work<'_, '_, T> {
             }
         }
         memory.reference = z.iter().copied().find(|z| !z.is_nan()).unwrap_or(f64::NAN);
-        z.iter_mut().for_each(|z| *z -= memory.reference);
-        memory.left_out.iter().for_each(|&j| z[j] = 0.0);
-        // An infinite reference leaves nothing, but is not missing.
-        let holes = z.iter().fold(false, |holes, z| holes | z.is_nan());
-        if holes && !memory.reference.is_infinite() {
-            for (j, z) in z.iter_mut().enumerate().filter(|(_, z)| z.is_nan()) {
-                memory.missing.push(j);
-                *z = 0.0;
-            }
+        // Before it is taken off: what an infinite reference leaves is NaN, but not missing.
+        if z.iter().fold(false, |holes, z| holes | z.is_nan()) {
+            let left_out = &memory.left_out;
+            let holes = z.iter().enumerate().filter(|(_, z)| z.is_nan()).map(|(j, _)| j);
+            memory.missing.extend(holes.filter(|j| left_out.binary_search(j).is_err()));
         }
+        z.iter_mut().for_each(|z| *z -= memory.reference);
+        memory.left_out.iter().chain(&memory.missing).for_each(|&j| z[j] = 0.0);
         Ok(window.count - memory.missing.len() - memory.left_out.len())
     }
 

@@ -173,8 +173,8 @@ impl<T: Sample> Fitted<T> {
             let x = stream.newest(count).unwrap_or_default();
             let times = times.get(times.len().saturating_sub(count)..).filter(|times| !times.is_empty());
             let own = &mut results.estimate[first * channels..][..part.direct.count() * channels];
-            if count == part.span && times.is_none() {
-                part.direct.latest(x, channels, own);
+            if times.is_none() {
+                stream.estimate(part, own.chunks_mut(channels));
             } else {
                 own.fill(T::from_f64(f64::NAN));
             }
@@ -284,7 +284,11 @@ impl<T: Sample> Fitted<T> {
     fn admit(&self, samples: &[T], times: &[f64]) -> Result<(), Error> {
         match self.clock {
             Clock::Stamps if times.is_empty() => {
-                return Err(Error::argument("t", "none", "given for every sample, as for the ones before"));
+                return Err(Error::argument(
+                    "t",
+                    format_args!("none"),
+                    "given for every sample, as for the ones before",
+                ));
             }
             Clock::Even if !times.is_empty() => {
                 return Err(Error::argument(
@@ -297,7 +301,7 @@ impl<T: Sample> Fitted<T> {
         }
         if self.wanted.missing == Missing::Raise && any_missing(samples) {
             let gone = samples.iter().filter(|value| is_missing(**value)).count();
-            return Err(Error::argument("x", format!("{gone} of {}", samples.len()), "without missing samples"));
+            return Err(Error::argument("x", format_args!("{gone} of {}", samples.len()), "without missing samples"));
         }
         Ok(())
     }

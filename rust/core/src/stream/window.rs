@@ -171,7 +171,7 @@ impl Local {
             return Placed { origin: -0.5, length, place, unit: 2.0 / (length * self.delta) };
         };
         let (begin, end) = (times.first().copied().unwrap_or(0.0), times.last().copied().unwrap_or(0.0));
-        let step = if samples > 1 { (end - begin) / last } else { 1.0 };
+        let step = if samples > 1 { (end - begin) / last } else { self.delta };
         let (origin, length) = (begin - 0.5 * step, step * samples as f64);
         let place = match self.point {
             Point::Tau(tau) => tau,
@@ -200,7 +200,9 @@ impl Local {
             if memory.solved.is_none() || memory.missing != memory.left_out {
                 memory.left_out.clone_from(&memory.missing);
                 memory.solved = None;
-                let solved = self.solve(&placed, samples, seen.times, whole && seen.times.is_none(), memory)?;
+                // At a root, and there only, the fit has one degree more.
+                let ideal = whole && seen.times.is_none() && matches!(self.point, Point::Tau(_));
+                let solved = self.solve(&placed, samples, seen.times, ideal, memory)?;
                 memory.solved = Some(solved);
             }
             fitted = memory.solved == Some(true);

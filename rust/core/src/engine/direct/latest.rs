@@ -18,19 +18,17 @@ pub(crate) fn stride(channels: usize) -> usize {
 }
 
 impl<T: Sample> Direct<T> {
-    /// The outputs of the window `x`, whose samples lie [`stride`] elements apart: for every order one number for every channel.
+    /// The outputs of the window `x`, whose samples lie [`stride`] elements apart, of the order number `index`: one for every channel.
     #[inline]
-    pub(crate) fn latest(&self, x: &[T], channels: usize, out: &mut [T]) {
-        let stride = stride(channels);
-        for (order, out) in self.orders.iter().zip(out.chunks_mut(channels.max(1))) {
-            match (self.few(), self.on_differences, const { T::LANES == 8 }) {
-                (true, true, true) => all::<T, 4, true>(order, x, stride, out),
-                (true, false, true) => all::<T, 4, false>(order, x, stride, out),
-                (false, true, true) | (true, true, false) => all::<T, 8, true>(order, x, stride, out),
-                (false, false, true) | (true, false, false) => all::<T, 8, false>(order, x, stride, out),
-                (false, true, false) => all::<T, 16, true>(order, x, stride, out),
-                (false, false, false) => all::<T, 16, false>(order, x, stride, out),
-            }
+    pub(crate) fn latest(&self, index: usize, x: &[T], channels: usize, out: &mut [T]) {
+        let (Some(order), stride) = (self.orders.get(index), stride(channels)) else { return };
+        match (self.few(), self.on_differences, const { T::LANES == 8 }) {
+            (true, true, true) => all::<T, 4, true>(order, x, stride, out),
+            (true, false, true) => all::<T, 4, false>(order, x, stride, out),
+            (false, true, true) | (true, true, false) => all::<T, 8, true>(order, x, stride, out),
+            (false, false, true) | (true, false, false) => all::<T, 8, false>(order, x, stride, out),
+            (false, true, false) => all::<T, 16, true>(order, x, stride, out),
+            (false, false, false) => all::<T, 16, false>(order, x, stride, out),
         }
     }
 
