@@ -23,12 +23,12 @@ impl<T: Sample> Direct<T> {
     pub(crate) fn latest(&self, index: usize, x: &[T], channels: usize, out: &mut [T]) {
         let (Some(order), stride) = (self.orders.get(index), stride(channels)) else { return };
         match (self.few(), self.on_differences, const { T::LANES == 8 }) {
-            (true, true, true) => all::<T, 4, true>(order, x, stride, out),
-            (true, false, true) => all::<T, 4, false>(order, x, stride, out),
-            (false, true, true) | (true, true, false) => all::<T, 8, true>(order, x, stride, out),
-            (false, false, true) | (true, false, false) => all::<T, 8, false>(order, x, stride, out),
-            (false, true, false) => all::<T, 16, true>(order, x, stride, out),
-            (false, false, false) => all::<T, 16, false>(order, x, stride, out),
+            (true, true, true) => all::<T, 4, 16, true>(order, x, stride, out),
+            (true, false, true) => all::<T, 4, 16, false>(order, x, stride, out),
+            (false, true, true) | (true, true, false) => all::<T, 8, 32, true>(order, x, stride, out),
+            (false, false, true) | (true, false, false) => all::<T, 8, 32, false>(order, x, stride, out),
+            (false, true, false) => all::<T, 16, 64, true>(order, x, stride, out),
+            (false, false, false) => all::<T, 16, 64, false>(order, x, stride, out),
         }
     }
 
@@ -41,9 +41,15 @@ impl<T: Sample> Direct<T> {
 
 /// All channels of one order.
 #[inline]
-fn all<T: Sample, const W: usize, const DIFFERENCES: bool>(order: &Order<T>, x: &[T], stride: usize, out: &mut [T]) {
+fn all<T: Sample, const W: usize, const G: usize, const DIFFERENCES: bool>(
+    order: &Order<T>,
+    x: &[T],
+    stride: usize,
+    out: &mut [T],
+) {
     if stride == 1 {
-        return side::<T, W, 1, DIFFERENCES>(order, x, 1, out);
+        let sum = alone::<T, W, G, DIFFERENCES>(&order.taps, x);
+        return finish(order, [sum], anchored(order, x, 1), out);
     }
     let mut x = x;
     let (whole, rest) = out.as_chunks_mut::<MANY>();
@@ -55,6 +61,26 @@ fn all<T: Sample, const W: usize, const DIFFERENCES: bool>(order: &Order<T>, x: 
         side::<T, W, FEW_CHANNELS, DIFFERENCES>(order, x, stride, out);
         x = x.get(FEW_CHANNELS..).unwrap_or_default();
     }
+}
+
+/// The sum of the one channel, whose samples are neighbours: whole groups of `G`, four strides of taps, without asking where they end.
+#[inline]
+fn alone<T: Sample, const W: usize, const G: usize, const DIFFERENCES: bool>(taps: &[T], x: &[T]) -> T {
+    let mut sum = T::default();
+    let term = |weight: T, older: T, newer: T| weight * if DIFFERENCES { newer - older } else { older };
+    let (groups, rest) = taps.as_chunks::<G>();
+    let newer = if DIFFERENCES { x.get(1..).unwrap_or_default() } else { x };
+    for ((taps, older), newer) in groups.iter().zip(x.as_chunks::<G>().0).zip(newer.as_chunks::<G>().0) {
+        in_order(G, W, |tap| sum = sum + term(taps[tap], older[tap], newer[tap]));
+    }
+    let done = taps.len().wrapping_sub(rest.len());
+    let (x, newer) = (x.get(done..).unwrap_or_default(), newer.get(done..).unwrap_or_default());
+    in_order(rest.len(), W, |tap| {
+        if let (Some(&weight), Some(&older), Some(&newer)) = (rest.get(tap), x.get(tap), newer.get(tap)) {
+            sum = sum + term(weight, older, newer);
+        }
+    });
+    sum
 }
 
 /// As many channels side by side as there are `out`, at most `L`.
@@ -81,12 +107,23 @@ fn side<T: Sample, const W: usize, const L: usize, const DIFFERENCES: bool>(
             }
         }
     });
+    finish(order, sums, anchored(order, x, stride), out);
+}
+
+/// The samples that are added to the sums, if any.
+#[inline]
+fn anchored<'a, T>(order: &Order<T>, x: &'a [T], stride: usize) -> &'a [T] {
+    order.anchor.and_then(|anchor| x.get(anchor.wrapping_mul(stride)..)).unwrap_or_default()
+}
+
+/// Scales sums, and adds the samples that are `anchored`, as far as there are any.
+#[inline]
+fn finish<T: Sample, const L: usize>(order: &Order<T>, sums: [T; L], anchored: &[T], out: &mut [T]) {
     let own = T::from_f64(order.scale);
     let exact = own.to_f64() == order.scale;
-    let anchored = order.anchor.and_then(|anchor| lanes::<T, L>(x, anchor.wrapping_mul(stride)));
     for (lane, (out, sum)) in out.iter_mut().zip(sums).enumerate() {
         *out = if exact { sum * own } else { T::from_f64(sum.to_f64() * order.scale) };
-        if let Some(sample) = anchored.and_then(|samples| samples.get(lane)) {
+        if let Some(sample) = anchored.get(lane) {
             *out = *out + *sample;
         }
     }

@@ -100,6 +100,17 @@ fn by_lanes<T: Sample, S: Simd>(simd: S, direct: &Direct<T>, rows: &[Vec<T>]) ->
     out
 }
 
+/// Window after window, as streams compute them.
+fn windows_alone<T: Sample>(direct: &Direct<T>, x: &[T], channels: usize) -> Vec<T> {
+    let span = direct.span();
+    let output = |start: usize| {
+        let mut out = vec![T::default(); channels];
+        direct.latest(0, &x[start * channels..(start + span) * channels], channels, &mut out);
+        out
+    };
+    (0..=x.len() / channels - span).flat_map(output).collect()
+}
+
 /// The sums as the order of the taps says, with nothing that is fast.
 fn plainly<T: Sample>(taps: &Taps, x: &[T]) -> Vec<T> {
     let weights = T::taps(taps);
@@ -159,6 +170,7 @@ fn every_width_agrees<T: Sample>(taps: &Taps, outputs: usize) {
             on!("AVX-512", simd);
         }
     }
+    check("one window", windows_alone(&direct, &rows[0], 1), windows_alone(&direct, &side_by_side(&rows), T::LANES));
     let mut out = vec![T::default(); outputs];
     let windows = Windows { x: &rows[0], first: 0, origin: 0, outs: &mut [&mut out] };
     direct.apply(windows, &mut Scratch::default()).expect("small");
