@@ -49,7 +49,7 @@ fn all<T: Sample, const W: usize, const G: usize, const DIFFERENCES: bool>(
 ) {
     if stride == 1 {
         let sum = alone::<T, W, G, DIFFERENCES>(&order.taps, x);
-        return finish(order, [sum], anchored(order, x, 1), out);
+        return finish(order, [sum], x, 1, out);
     }
     let mut x = x;
     let (whole, rest) = out.as_chunks_mut::<MANY>();
@@ -67,17 +67,16 @@ fn all<T: Sample, const W: usize, const G: usize, const DIFFERENCES: bool>(
 #[inline]
 fn alone<T: Sample, const W: usize, const G: usize, const DIFFERENCES: bool>(taps: &[T], x: &[T]) -> T {
     let mut sum = T::default();
-    let term = |weight: T, older: T, newer: T| weight * if DIFFERENCES { newer - older } else { older };
     let (groups, rest) = taps.as_chunks::<G>();
     let newer = if DIFFERENCES { x.get(1..).unwrap_or_default() } else { x };
     for ((taps, older), newer) in groups.iter().zip(x.as_chunks::<G>().0).zip(newer.as_chunks::<G>().0) {
-        in_order(G, W, |tap| sum = sum + term(taps[tap], older[tap], newer[tap]));
+        in_order(G, W, |tap| sum = sum + term::<T, DIFFERENCES>(taps[tap], older[tap], newer[tap]));
     }
     let done = taps.len().wrapping_sub(rest.len());
     let (x, newer) = (x.get(done..).unwrap_or_default(), newer.get(done..).unwrap_or_default());
     in_order(rest.len(), W, |tap| {
         if let (Some(&weight), Some(&older), Some(&newer)) = (rest.get(tap), x.get(tap), newer.get(tap)) {
-            sum = sum + term(weight, older, newer);
+            sum = sum + term::<T, DIFFERENCES>(weight, older, newer);
         }
     });
     sum
@@ -91,41 +90,44 @@ fn side<T: Sample, const W: usize, const L: usize, const DIFFERENCES: bool>(
     stride: usize,
     out: &mut [T],
 ) {
-    let newer = x.get(stride..).unwrap_or_default();
+    let newer = if DIFFERENCES { x.get(stride..).unwrap_or_default() } else { x };
     let mut sums = [T::default(); L];
     in_order(order.taps.len(), W, |tap| {
         let at = tap.wrapping_mul(stride);
-        let (Some(&weight), Some(samples)) = (order.taps.get(tap), lanes::<T, L>(x, at)) else { return };
-        if DIFFERENCES {
-            let Some(newer) = lanes::<T, L>(newer, at) else { return };
-            for ((sum, older), newer) in sums.iter_mut().zip(samples).zip(newer) {
-                *sum = *sum + weight * (*newer - *older);
-            }
-        } else {
-            for (sum, sample) in sums.iter_mut().zip(samples) {
-                *sum = *sum + weight * *sample;
+        let (weight, older, newer) = (order.taps.get(tap), lanes::<T, L>(x, at), lanes::<T, L>(newer, at));
+        if let (Some(&weight), Some(older), Some(newer)) = (weight, older, newer) {
+            for lane in 0..L {
+                sums[lane] = sums[lane] + term::<T, DIFFERENCES>(weight, older[lane], newer[lane]);
             }
         }
     });
-    finish(order, sums, anchored(order, x, stride), out);
+    finish(order, sums, x, stride, out);
 }
 
-/// The samples that are added to the sums, if any.
+/// What a tap adds.
 #[inline]
-fn anchored<'a, T>(order: &Order<T>, x: &'a [T], stride: usize) -> &'a [T] {
-    order.anchor.and_then(|anchor| x.get(anchor.wrapping_mul(stride)..)).unwrap_or_default()
+fn term<T: Sample, const DIFFERENCES: bool>(weight: T, older: T, newer: T) -> T {
+    weight * if DIFFERENCES { newer - older } else { older }
 }
 
-/// Scales sums, and adds the samples that are `anchored`, as far as there are any.
+/// Scales sums, adds the samples that they are relative to, if any, and writes as many as are wanted: all at once, so that
+/// compilers see that the sums belong into registers side by side.
 #[inline]
-fn finish<T: Sample, const L: usize>(order: &Order<T>, sums: [T; L], anchored: &[T], out: &mut [T]) {
+fn finish<T: Sample, const L: usize>(order: &Order<T>, sums: [T; L], x: &[T], stride: usize, out: &mut [T]) {
     let own = T::from_f64(order.scale);
-    let exact = own.to_f64() == order.scale;
-    for (lane, (out, sum)) in out.iter_mut().zip(sums).enumerate() {
-        *out = if exact { sum * own } else { T::from_f64(sum.to_f64() * order.scale) };
-        if let Some(sample) = anchored.get(lane) {
-            *out = *out + *sample;
-        }
+    let mut values = sums;
+    if own.to_f64() == order.scale {
+        values.iter_mut().for_each(|value| *value = *value * own);
+    } else {
+        values.iter_mut().for_each(|value| *value = T::from_f64(value.to_f64() * order.scale));
+    }
+    if let Some(samples) = order.anchor.and_then(|anchor| lanes::<T, L>(x, anchor.wrapping_mul(stride))) {
+        values.iter_mut().zip(samples).for_each(|(value, sample)| *value = *value + *sample);
+    }
+    if let Some(out) = out.first_chunk_mut() {
+        *out = values;
+    } else {
+        out.iter_mut().zip(values).for_each(|(out, value)| *out = value);
     }
 }
 
