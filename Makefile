@@ -29,7 +29,7 @@ test-registers: ## the engines on registers of other CPUs as well; takes minutes
 	cargo test --package algdiff-core --release --lib --features emulated-registers engine
 
 test: ## the README's test command: install, then test
-	$(PYTHON) -m pip install '.[test]' && $(PYTHON) -m pytest
+	$(PYTHON) -m pip install '.[test]' && $(PYTHON) -m pytest -n auto --dist loadfile
 
 check: dev lint test-rust test ## all that continuous integration does
 
