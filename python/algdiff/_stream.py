@@ -177,6 +177,11 @@ class Stream(_core.Stream):
     def _designs(self) -> tuple[Differentiator, ...]:
         return self.design if isinstance(self.design, tuple) else (self.design,)
 
+    @property
+    def _leads(self) -> bool:
+        """Whether estimates have a leading axis over orders."""
+        return isinstance(self.design, tuple) or self.design._leading is not None
+
     def _push(self, x: ArrayLike, t: ArrayLike | None, return_std: bool, return_support: bool) -> Any:
         """Push what is no single sample in the simplest form."""
         samples = self._samples(x)
@@ -196,7 +201,6 @@ class Stream(_core.Stream):
         )
         if std is not None:
             std *= self._words["sigma"]
-        leading = isinstance(self.design, tuple)
 
         def shaped(part: Samples | None, several: bool) -> Any:
             if part is None:
@@ -205,11 +209,10 @@ class Stream(_core.Stream):
             part = part if several else part[0]
             return part.item() if part.ndim == 0 else part
 
-        orders_lead = leading or self._designs[0]._leading is not None
-        found = shaped(estimate, orders_lead)
+        found = shaped(estimate, self._leads)
         if not (return_std or return_support):
             return found
-        return Estimates(found, shaped(std, orders_lead), shaped(support, leading))
+        return Estimates(found, shaped(std, self._leads), shaped(support, isinstance(self.design, tuple)))
 
     def _samples(self, x: ArrayLike) -> Samples:
         """Return one sample or a block of them in the stream's type."""
@@ -253,7 +256,7 @@ class Stream(_core.Stream):
         """Standard deviation of the last estimate, in the shape of it."""
         _, std, _ = self._last()
         level = self._words["sigma"] * np.array(std, self.dtype)
-        return self._shaped(level, isinstance(self.design, tuple) or self._designs[0]._leading is not None)
+        return self._shaped(level, self._leads)
 
     @property
     def support(self) -> Any:

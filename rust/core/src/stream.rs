@@ -21,6 +21,7 @@
 //! ```
 
 mod fitted;
+mod row;
 mod window;
 
 use std::sync::Arc;

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use super::Stream;
-use super::window::{Allowed, Local, Memory, Point, Seen};
+use super::row::{Row, Task};
+use super::window::{Local, Memory, Point, Seen};
 use crate::bank::Bank;
 use crate::control::Control;
 use crate::engine::Sample;
@@ -72,20 +73,6 @@ pub struct Fitted<T: Sample> {
     /// Pushes after which no window holds a missing sample any more, at most.
     tainted: usize,
     memory: Memory,
-}
-
-/// One row of outputs among several.
-#[derive(Debug, Clone, Copy)]
-struct Row {
-    number: usize,
-    rows: usize,
-    channels: usize,
-}
-
-impl Row {
-    fn at(self, order: usize, channel: usize) -> usize {
-        (order * self.rows + self.number) * self.channels + channel
-    }
 }
 
 impl<T: Sample> Fitted<T> {
@@ -328,69 +315,6 @@ impl<T: Sample> Fitted<T> {
         let times = self.times.get(self.times.len().saturating_sub(count)..).filter(|times| !times.is_empty());
         if count == 0 { f64::NAN } else { local.delay(count, times) }
     }
-}
-
-/// One design's part of a row of outputs.
-struct Task<'a> {
-    local: &'a Local,
-    span: usize,
-    /// The number of the design, and that of its first order.
-    part: (usize, usize),
-    wanted: Wanted,
-}
-
-impl Task<'_> {
-    /// Fits what the sliding weights did not give in a row of outputs, and adds what else is wanted.
-    fn complete<T: Sample>(
-        &self,
-        seen: &Seen<'_, T>,
-        memory: &mut Memory,
-        row: Row,
-        results: &mut Results<'_, T>,
-    ) -> Result<(), Error> {
-        let (index, first) = self.part;
-        let full = seen.samples() == self.span;
-        let slid = full && seen.times.is_none();
-        let allowed = Allowed {
-            missing: self.wanted.missing == Missing::Omit,
-            support: self.wanted.support.max(self.local.least()),
-            gain: self.wanted.gain,
-        };
-        memory.begin();
-        for channel in 0..row.channels {
-            let none = results.estimate[row.at(first, channel)].to_f64().is_nan();
-            let fitted =
-                if slid { none && allowed.missing && holds_missing(seen, channel) } else { full || self.wanted.grow };
-            if fitted {
-                self.local.fit(seen, channel, allowed, memory, |order, value, variance| {
-                    let at = row.at(first + order, channel);
-                    results.estimate[at] = T::from_f64(value);
-                    if let Some(std) = &mut results.std {
-                        std[at] = T::from_f64(variance.sqrt());
-                    }
-                })?;
-            } else if let Some(std) = &mut results.std {
-                for order in 0..self.local.orders() {
-                    let at = row.at(first + order, channel);
-                    let none = results.estimate[at].to_f64().is_nan();
-                    std[at] = T::from_f64(if none { f64::NAN } else { self.local.norm(order) });
-                }
-            }
-            if let Some(support) = &mut results.support {
-                let there = if full || self.wanted.grow { present(seen, channel) } else { 0 };
-                support[row.at(index, channel)] = there as i64;
-            }
-        }
-        Ok(())
-    }
-}
-
-fn present<T: Sample>(seen: &Seen<'_, T>, channel: usize) -> usize {
-    seen.channel(channel).filter(|value| !value.is_nan()).count()
-}
-
-fn holds_missing<T: Sample>(seen: &Seen<'_, T>, channel: usize) -> bool {
-    seen.channel(channel).any(f64::is_nan)
 }
 
 fn is_missing<T: Sample>(value: T) -> bool {
