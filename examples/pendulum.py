@@ -281,10 +281,12 @@ def scaled(settings, indices, factor):
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=20, help="seeds 0 to this; default %(default)s")
+    parser.add_argument("--seeds", type=int, default=20, help="how many, from 0 on; default %(default)s")
     parser.add_argument("--tune", action="store_true", help="search the settings of the estimators anew")
     parser.add_argument("--choices", action="store_true", help="vary delay, windows, degree and rule instead")
     options = parser.parse_args()
+    if options.seeds < 1:
+        parser.error(f"--seeds must be at least 1, got {options.seeds}")
     if options.tune:
         tune()
     elif options.choices:

@@ -194,6 +194,26 @@ def test_header(run, flags, header, expected):
     assert out == f"{expected}\n{plain}"
 
 
+@pytest.mark.parametrize(
+    ("flags", "first", "fault"),
+    [
+        ([], "1,foo", "column 1 must be a number, got 'foo'"),
+        ([], "1.5 V", "column 1 must be a number, got 'V'"),
+        ([], "\r1\rx\r", "column 1 must be a number, got 'x'"),
+        ([], "x" * 200_000 + ",1", "column 0 must be a number, got 'xxx"),
+        (["--time"], "NA,5", "column 0 must be a time"),
+        (["--time"], "inf,5", "column 0 must be a time"),
+        (["--time"], "1,volts", "column 1 must be a number, got 'volts'"),
+    ],
+)
+def test_a_broken_first_line_is_no_header(run, flags, first, fault):
+    code, out, err = run(f"{first}\n1,2\n", *flags)
+    assert (code, out) == (1, "")
+    assert "line 1" in err
+    assert fault in err
+    assert len(err) < 200
+
+
 def test_header_of_one_column_may_hold_spaces(run):
     for header in ("wheel speed", '"wheel speed"'):
         assert run(f"{header}\n1\n2\n3\n", "--degree=1", window=2)[1] == "wheel speed\nnan\n1.0\n1.0\n"
@@ -302,7 +322,9 @@ def test_times_of_an_even_clock(run, x):
     code, out, _ = run(lines(x[:, 0]), "--stamp", "--fs", "1kHz", "--delay", "2.5ms")
     assert code == 0
     found = table(out)
-    np.testing.assert_allclose(found[:, 0], np.arange(N) / 1000 - 0.0025, rtol=1e-12, atol=1e-12)
+    times = np.arange(N) / 1000 - 0.0025
+    times[: WINDOW - 1] = np.nan
+    np.testing.assert_allclose(found[:, 0], times, rtol=1e-12, atol=1e-12)
     np.testing.assert_array_equal(found[WINDOW - 1 :, 1], offline(design, x[:, :1])[:, 0])
 
 
@@ -330,6 +352,30 @@ def test_dates_are_seconds(run, t, x):
             when = datetime.fromisoformat(fields[0].replace("Z", "+00:00"))
             passed = when - stamps[0].replace(tzinfo=when.tzinfo and timezone.utc)
             assert passed.total_seconds() == pytest.approx(seconds, abs=1e-6)
+
+
+def test_dates_may_have_nanoseconds(run):
+    rows = [f"2026-11-27T00:00:00.{1000 * i + i * i:09d},{i * i}" for i in range(10)]
+    code, out, err = run("\n".join(rows), "--time", "--tau", "newest", "--degree", "2", window=3)
+    assert (code, err) == (0, "")
+    found = [float(line.split(",")[1]) for line in out.splitlines()][2:]
+    t = 1e-9 * np.array([1000 * i + i * i for i in range(10)])
+    wanted = Differentiator(3, degree=2, tau="newest")(np.arange(10.0) ** 2, t=t, mode="valid")
+    np.testing.assert_allclose(found, wanted, rtol=1e-6)
+
+
+def test_a_prediction_may_have_a_unit(run, x):
+    for words in (["--delay", "-2ms"], ["--delay=-2ms"]):
+        code, out, _ = run(lines(x[:, :1]), *words, "--fs", "1kHz", "--kappa", "-1e-1")
+        assert code == 0
+        design = Differentiator(WINDOW, fs=1000, delay=-0.002, kappa=-0.1)
+        np.testing.assert_array_equal(table(out)[WINDOW - 1 :, 0], offline(design, x[:, :1])[:, 0])
+
+
+def test_closed_outputs_are_said():
+    command = f"printf '1\\n2\\n' | {sys.executable} -m algdiff stream --window 2 --degree 1 >&-"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False, timeout=60)  # noqa: S602
+    assert (done.returncode, done.stderr) == (1, "algdiff: error: stdout: is closed\n")
 
 
 def test_no_digit_of_a_time_is_lost(run, t, x):
@@ -370,7 +416,7 @@ def test_standard_deviations(run, x):
         ("1,2\n# c\n3,4,5\n", "line 3 must have 2 columns as the lines before it, got 3", 1),
         ("a,b\n1,2,3\n", "line 2 must have 2 columns as the lines before it, got 3", 0),
         ("a b\n1 2\n3\n", "line 3 must have 2 columns as the lines before it, got 1", 2),
-        ("1,5;2\n1,5;2\n", "line 2, column 0 must be a number, got '1,5'", 0),
+        ("1,5;2\n1,5;2\n", "line 1, column 0 must be a number, got '1,5'", 0),
         (b"1\n\xff\n2\n", "line 2, column 0 must be a number, got '\ufffd'", 1),
         ("name\nname\n1\n", "line 2, column 0 must be a number, got 'name'", 0),
     ],

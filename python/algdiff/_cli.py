@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 import time
 import warnings
@@ -26,6 +27,8 @@ TAUS = ("center", "root", "newest")
 WORDS = ("degree", "kappa", "mu", "tau", "delay", "delta", "fs", "rule", "trim", "engine")
 """Options that become arguments of a design."""
 BAR = 30
+SIGNED = ("--delay", "--tau", "--kappa", "--mu", "--cval")
+NEGATIVE = re.compile(r"-\.?\d")
 
 
 class UsageError(Exception):
@@ -56,15 +59,27 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         with warnings.catch_warnings():
             warnings.showwarning = _show_warning
-            code = _dispatch(argv)
-        sys.stdout.flush()
+            code = _dispatch(_joined(sys.argv[1:] if argv is None else argv))
+        if sys.stdout is not None:
+            sys.stdout.flush()
         return code
     except BrokenPipeError:
         _silence()
         return 1
 
 
-def _dispatch(argv: Sequence[str] | None) -> int:
+def _joined(argv: Sequence[str]) -> list[str]:
+    """Return the arguments with negative values joined to their options: argparse takes -2ms for an option."""
+    joined: list[str] = []
+    for word in argv:
+        if joined and joined[-1] in SIGNED and NEGATIVE.match(word):
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
+
+
+def _dispatch(argv: Sequence[str]) -> int:
     try:
         parser = _parser()
         options = parser.parse_args(argv)

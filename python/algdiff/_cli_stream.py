@@ -120,8 +120,9 @@ def _stream(design: Differentiator, options: argparse.Namespace, channels: int =
 
 def _texts() -> Iterator[bytes]:
     """Yield whole lines as soon as they are there, as many as there are."""
-    if sys.stdin is None:
-        raise ValueError("stdin: is closed")
+    for name, file in (("stdin", sys.stdin), ("stdout", sys.stdout)):
+        if file is None:
+            raise ValueError(f"{name}: is closed")
     rest = b""
     while chunk := os.read(sys.stdin.fileno(), READ):
         whole, newline, last = chunk.rpartition(b"\n")

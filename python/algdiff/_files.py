@@ -222,7 +222,11 @@ def _first_row(line: str) -> tuple[str, tuple[str, ...]]:
     """Return the delimiter, looked for outside quotes, and the fields of the first row."""
     bare = "".join(line.split('"')[::2])
     delimiter = next((mark for mark in "\t;" if mark in bare), ",")
-    return delimiter, tuple(field.strip() for field in next(csv.reader([line], delimiter=delimiter), []))
+    try:
+        fields = next(csv.reader([line], delimiter=delimiter), [])
+    except csv.Error:  # a field without end, or a carriage return in one: no number, as will be said
+        fields = line.split(delimiter)
+    return delimiter, tuple(field.strip() for field in fields)
 
 
 def _rewound(file: TextIO) -> TextIO:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import codecs
 import math
+import re
+from contextlib import suppress
 from datetime import datetime, timedelta
 from decimal import Decimal
 from itertools import chain
@@ -14,6 +16,10 @@ if TYPE_CHECKING:
 
 MISSING = ("", "NA")
 """What marks a missing sample, besides every spelling of nan."""
+SHOWN = 60
+"""Characters of a wrong field that are shown."""
+FRACTION = re.compile(r"(:\d\d)[.,](\d+)")
+"""Of a second, in as many digits as there are."""
 
 
 class Lines:
@@ -97,7 +103,7 @@ class Lines:
         delimiter = mark if len(fields) > 1 else None
         if delimiter is None:
             fields = tuple(text.split())
-        if self._header is None and not self._is_data(fields):
+        if self._header is None and self._is_header(fields):
             self._header = text, delimiter, fields
             return True
         names: tuple[str, ...] = ()
@@ -112,22 +118,21 @@ class Lines:
         self._mark = None if delimiter is None else delimiter.encode()
         return False
 
-    def _is_data(self, fields: Sequence[str]) -> bool:
-        try:
-            if self.timed:
+    def _is_header(self, fields: Sequence[str]) -> bool:
+        """Return whether fields are names: one at least is no sample, and none is a number or a time."""
+        values = [_known(field) for field in fields]
+        if self.timed and fields:
+            with suppress(ValueError, ArithmeticError):
                 Clock(fields[0])
-            for field in fields[self.timed :]:
-                _number(field)
-        except (ValueError, ArithmeticError):
-            return False
-        return True
+                return False
+        return None in values and not any(value is not None and value == value for value in values)
 
     def _sample(self, position: int, field: bytes) -> float:
         text = field.decode(errors="replace")
         try:
             value = _number(text)
         except ValueError:
-            raise ValueError(f", column {position} must be a number, got {text.strip()!r}") from None
+            raise ValueError(f", column {position} must be a number, got {_shown(text)}") from None
         if self._strict and math.isnan(value):
             raise ValueError(f", column {position} must not be missing with --nan-policy raise")
         return value
@@ -138,11 +143,25 @@ class Lines:
             self.clock = self.clock or Clock(text)
             time = self.clock.since(text)
         except (ValueError, TypeError, ArithmeticError):
-            raise ValueError(f", column 0 must be a time, of the kind of the first, got {text!r}") from None
+            raise ValueError(f", column 0 must be a time, of the kind of the first, got {_shown(text)}") from None
         if time <= self._latest:
-            raise ValueError(f", column 0 must be later than in the line before it, got {text!r}")
+            raise ValueError(f", column 0 must be later than in the line before it, got {_shown(text)}")
         self._latest = time
         return time
+
+
+def _shown(text: str) -> str:
+    """Return text in quotes, shortened."""
+    bare = text.strip()
+    return repr(bare if len(bare) <= SHOWN else bare[:SHOWN] + "...")
+
+
+def _known(text: str) -> float | None:
+    """Return a number, NaN for a missing one, None for anything else."""
+    try:
+        return _number(text)
+    except ValueError:
+        return None
 
 
 def _number(text: str) -> float:
@@ -158,30 +177,35 @@ class Clock:
     """Times, numbers or ISO 8601 dates, counted from the first without loss of digits."""
 
     def __init__(self, first: str) -> None:
-        self._first = _moment(first)
+        self._first, self._fraction = _moment(first)
         self._utc = first.endswith("Z")
 
     def since(self, text: str) -> float:
         """Return the time from the first one to that of `text`; of dates in seconds."""
-        passed: Decimal | timedelta = _moment(text) - self._first  # type: ignore[operator]
-        return passed.total_seconds() if isinstance(passed, timedelta) else float(passed)
+        moment, fraction = _moment(text)
+        passed: Decimal | timedelta = moment - self._first  # type: ignore[operator]
+        whole = Decimal(passed.days * 86400 + passed.seconds) if isinstance(passed, timedelta) else passed
+        return float(whole + (fraction - self._fraction))
 
     def text(self, time: float) -> str:
-        """Return what `since` reads as `time`."""
+        """Return what `since` reads as `time`; of dates to microseconds."""
         if math.isnan(time):
             return "nan"
         if isinstance(self._first, Decimal):
             return repr(float(self._first + Decimal(time)))
-        text = (self._first + timedelta(seconds=time)).isoformat()
+        text = (self._first + timedelta(seconds=float(self._fraction) + time)).isoformat()
         return text.removesuffix("+00:00") + "Z" if self._utc else text
 
 
-def _moment(text: str) -> Decimal | datetime:
+def _moment(text: str) -> tuple[Decimal | datetime, Decimal]:
+    """Return a number, or a date in whole seconds and what is left of them."""
     bare = text.strip().strip('"')
     try:
         number = Decimal(bare)
     except ArithmeticError:
-        return datetime.fromisoformat(bare.replace("Z", "+00:00"))
+        fraction = FRACTION.search(bare)
+        date = datetime.fromisoformat(FRACTION.sub(r"\1", bare).replace("Z", "+00:00"))
+        return date, Decimal(f"0.{fraction[2]}" if fraction else 0)
     if not number.is_finite() or "_" in bare:
         raise ValueError
-    return number
+    return number, Decimal(0)

@@ -10,9 +10,11 @@ from algdiff._differentiator import rebuild
 
 if TYPE_CHECKING:
     from algdiff._differentiator import Differentiator
-    from algdiff._stream import Stream
+    from algdiff._stream import AnyStream, Stream
 
 VERSION = 1
+OF_THE_SAMPLES = ("channels", "dtype", "warmup", "nan_policy", "min_support", "max_gain")
+"""Options that a state must share with a stream that goes on from it."""
 
 
 def of(stream: Stream) -> dict[str, Any]:
@@ -43,15 +45,13 @@ def _asked(design: Differentiator) -> dict[str, Any]:
     return {name: list(value) if isinstance(value, tuple) else value for name, value in design._asked.items()}
 
 
-def restored(cls: type[Stream], state: dict[str, Any]) -> Stream:
+def restored(cls: type[AnyStream], state: dict[str, Any]) -> AnyStream:
     """Return the stream whose state this is."""
     _check(state)
-    design = state["design"]
     try:
-        made = tuple(_design(one) for one in design) if isinstance(design, list) else _design(design)
-        stream = cls(made, **_numbers(state["options"]))
+        stream = cls(_designs(state), **_numbers(state["options"]))
     except (TypeError, KeyError, AttributeError) as error:
-        raise ValueError(f"state must hold the design and the options of a stream: {error}") from None
+        raise _no_state(error) from None
     put(stream, state)
     return stream
 
@@ -59,10 +59,18 @@ def restored(cls: type[Stream], state: dict[str, Any]) -> Stream:
 def put(stream: Stream, state: dict[str, Any]) -> None:
     """Make `stream` go on from a state of its own, or of one that was made alike."""
     _check(state)
-    own = of(stream)
-    for name in ("design", "options"):
-        if state[name] != own[name]:
-            raise ValueError(f"state must be of a stream with the same {name}, {own[name]}, got {state[name]}")
+    try:
+        design, options = _designs(state), _numbers(state["options"])
+        if unknown := options.keys() - stream._words.keys():
+            raise KeyError(*unknown)
+        options = {name: options[name] for name in OF_THE_SAMPLES}
+    except (TypeError, KeyError, AttributeError) as error:
+        raise _no_state(error) from None
+    own = {name: stream._words[name] for name in OF_THE_SAMPLES}
+    if design != stream.design:
+        raise ValueError(f"state must be of a stream with the same design, {stream.design!r}, got {design!r}")
+    if options != own:
+        raise ValueError(f"state must be of a stream with the same options, {own}, got {options}")
     try:
         held = [float(value) for value in state["samples"]], [float(value) for value in state["times"]], state["count"]
         stream._restore(*held)
@@ -76,6 +84,15 @@ def _check(state: object) -> None:
         raise ValueError(f"state must be a dict with {', '.join(names)}, got {state!r:.200}")
     if state["version"] != VERSION:
         raise ValueError(f"state must be of version {VERSION}, got {state['version']!r}")
+
+
+def _no_state(error: Exception) -> ValueError:
+    return ValueError(f"state must hold the design and the options of a stream: {error}")
+
+
+def _designs(state: dict[str, Any]) -> Differentiator | tuple[Differentiator, ...]:
+    design = state["design"]
+    return tuple(_design(one) for one in design) if isinstance(design, list) else _design(design)
 
 
 def _design(asked: dict[str, Any]) -> Differentiator:

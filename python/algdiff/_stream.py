@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, SupportsIndex
+from typing import TYPE_CHECKING, Any, SupportsIndex, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
@@ -18,6 +18,13 @@ from algdiff._differentiator import Differentiator
 from algdiff._results import Estimates
 from algdiff._wish import chosen
 
+if TYPE_CHECKING:
+    from typing import Self
+
+AnyStream = TypeVar("AnyStream", bound="Stream")
+Held = tuple[list[float], list[float], int]
+"""The samples that windows hold, their times, and how many there were."""
+
 WARMUPS = ("nan", "grow")
 POLICIES = ("propagate", "omit", "raise")
 
@@ -25,10 +32,11 @@ POLICIES = ("propagate", "omit", "raise")
 class Stream(_core.Stream):
     """Estimates that come with every sample: of the window that ends with it.
 
-    To the bit what ``design.replace(engine="direct")(x, mode="valid")`` gives, whatever blocks the samples come in.
-    Every estimate is the derivative a known time, `delay`, before the newest sample: choose it by ``tau=`` or
-    ``delay=`` of the design, or here. At 0 there is no delay, and below the estimate is a prediction; the noise gain
-    says what that costs.
+    The same, to the bit, whatever blocks the samples come in; and the same as what
+    ``design.replace(engine="direct")(x, mode="valid")`` gives, to the bit where weights slide over full windows, and to
+    rounding where windows are fitted. Every estimate is the derivative a known time, `delay`, before the newest sample:
+    choose it by ``tau=`` or ``delay=`` of the design, or here. At 0 there is no delay, and below the estimate is a
+    prediction; the noise gain says what that costs.
 
     Parameters
     ----------
@@ -40,7 +48,8 @@ class Stream(_core.Stream):
     dtype : {float64, float32}
         What samples are converted to, and computed in.
     delay : float, optional
-        Instead of the designs' own: the time from the estimates to the newest sample, in the unit of `delta`.
+        Instead of the designs' own: the time from the estimates to the newest sample, in the unit of `delta`. With time
+        stamps such a delay stays, while that of a design made by `tau` changes with the length of its windows.
     warmup : {"nan", "grow"}
         What estimates are before the window is full: NaN, or those of the window that the samples so far make, as soon
         as these are ``degree + 1``. They have the design's `tau`; if it was made by a delay, if `delay` is given here,
@@ -64,10 +73,10 @@ class Stream(_core.Stream):
     ready : bool
         Whether the longest window is full.
     delay : float
-        Time from the last estimate to the newest sample. Before the first sample, that of full windows.
+        Time from the last estimate to the newest sample. Before the first estimate, that of full windows.
     time : float
         Of the last estimate, if the first sample has time 0; with time stamps, on their clock. NaN before the first
-        sample.
+        estimate. Of several designs, as soon as the first one gives any.
     std : float or ndarray
         Standard deviation of the last estimate, in the shape of it.
     support : int or ndarray
@@ -78,9 +87,10 @@ class Stream(_core.Stream):
     Notes
     -----
     Windows are applied tap by tap, as by the engine "direct", or, where they are still growing, miss samples or have
-    time stamps, fitted. Blocks are computed without the interpreter, and by the engine of a design that names one:
-    those of "moments" and "fft" agree to rounding with what single samples give. Streams may be used by several
-    threads, one push after the other. They are pickled and copied with all that they hold.
+    time stamps, fitted. Every sample of the longest window is held twice. Blocks are computed without the interpreter,
+    and by the engine of a design that names one: those of "moments" and "fft" agree to rounding with what single
+    samples give. Streams may be used by several threads, one push after the other. They are pickled and copied with all
+    the samples that they hold. Masked samples are missing; results are never masked.
 
     Raises
     ------
@@ -112,12 +122,9 @@ class Stream(_core.Stream):
     (7, True, 0.0, 0.6)
     """
 
-    __slots__ = ("_words", "design", "dtype", "nan_policy", "warmup")
+    __slots__ = ("_design", "_words")
 
-    design: Differentiator | tuple[Differentiator, ...]
-    dtype: np.dtype[Any]
-    warmup: str
-    nan_policy: str
+    _design: Differentiator | tuple[Differentiator, ...]
     _words: dict[str, Any]
 
     def __new__(
@@ -133,7 +140,7 @@ class Stream(_core.Stream):
         max_gain: float | None = None,
         sigma: float = 1.0,
         threads: int | None = None,
-    ) -> Stream:
+    ) -> Self:
         designs = _designs(design, delay)
         chosen("warmup", warmup, WARMUPS)
         chosen("nan_policy", nan_policy, POLICIES)
@@ -160,18 +167,38 @@ class Stream(_core.Stream):
             stamps=all(one.rule == "exact" and one.trim == 0 for one in designs),
             threads=most,
         )
-        self.design = designs if several else designs[0]
-        self.dtype, self.warmup, self.nan_policy = kind, warmup, nan_policy
+        self._design = designs if several else designs[0]
         words = {"channels": count, "dtype": kind.name, "warmup": warmup, "nan_policy": nan_policy}
         self._words = {**words, "min_support": support or None, "max_gain": gain, "sigma": level}
         self._words["threads"] = None if threads is None else most
         return self
 
     @property
+    def design(self) -> Differentiator | tuple[Differentiator, ...]:
+        """What is estimated."""
+        return self._design
+
+    @property
     def channels(self) -> int | None:
         """Numbers in a sample; None if a sample is a number."""
         channels: int | None = self._words["channels"]
         return channels
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """The type that samples are converted to."""
+        kind: np.dtype[Any] = np.dtype(self._words["dtype"])
+        return kind
+
+    @property
+    def warmup(self) -> str:
+        """What estimates are before the window is full."""
+        return str(self._words["warmup"])
+
+    @property
+    def nan_policy(self) -> str:
+        """What missing samples do."""
+        return str(self._words["nan_policy"])
 
     @property
     def _designs(self) -> tuple[Differentiator, ...]:
@@ -217,10 +244,12 @@ class Stream(_core.Stream):
     def _samples(self, x: ArrayLike) -> Samples:
         """Return one sample or a block of them in the stream's type."""
         given = x if isinstance(x, np.ma.MaskedArray) else arguments.plain("x", x)
+        if given.dtype.kind == "c":
+            raise TypeError("x must be real numbers, got complex ones: push real and imaginary parts as two channels")
+        if given.dtype.kind not in "fiub":
+            raise TypeError(f"x must be real numbers, got dtype {given.dtype}")
         # A number has no axes, which arrays of a signal must have.
         samples = arguments.unmasked("x", given[np.newaxis] if given.ndim == 0 else given).reshape(given.shape)
-        if samples.dtype.kind == "c":
-            raise TypeError("x must be real numbers, got complex ones: push real and imaginary parts as two channels")
         shape = () if self.channels is None else (self.channels,)
         if shape not in (samples.shape, samples.shape[1:] if samples.ndim else None):
             sample = "a number" if self.channels is None else f"an array of shape {shape}"
@@ -238,16 +267,17 @@ class Stream(_core.Stream):
 
     @property
     def delay(self) -> float:
-        """Time from the last estimate to the newest sample; before the first sample, that of full windows."""
+        """Time from the last estimate to the newest sample; before the first estimate, that of full windows."""
         delay, newest = self._placed()
-        usual = newest is None and (self.ready or self.warmup == "nan")
-        return self._designs[0].delay if usual or math.isnan(delay) else delay
+        first = self._designs[0]
+        usual = math.isnan(delay) or (newest is None and self.count >= first.weights.shape[-1])
+        return first.delay if usual else delay
 
     @property
     def time(self) -> float:
         """Of the last estimate, from the first sample on, or on the clock of the time stamps."""
-        _, newest = self._placed()
-        if self.count == 0:
+        delay, newest = self._placed()
+        if math.isnan(delay):
             return math.nan
         return (newest if newest is not None else (self.count - 1) * self._designs[0].delta) - self.delay
 
@@ -279,7 +309,7 @@ class Stream(_core.Stream):
         _state.put(self, state)
 
     @classmethod
-    def from_state(cls, state: dict[str, Any]) -> Stream:
+    def from_state(cls, state: dict[str, Any]) -> Self:
         """Return a stream that goes on from `state`, to the bit.
 
         Parameters
@@ -305,7 +335,7 @@ class Stream(_core.Stream):
         """
         return _state.restored(cls, state)
 
-    def copy(self) -> Stream:
+    def copy(self) -> Self:
         """Return a stream that goes on from here on its own.
 
         Examples
@@ -318,10 +348,10 @@ class Stream(_core.Stream):
         """
         return rebuild(type(self), self.design, self._words, self._held())
 
-    def __copy__(self) -> Stream:
+    def __copy__(self) -> Self:
         return self.copy()
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> Stream:
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         return self.copy()
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -332,9 +362,7 @@ class Stream(_core.Stream):
         return f"Stream({self.design!r}, {', '.join(words)})"
 
 
-def rebuild(
-    cls: type[Stream], design: Any, words: dict[str, Any], held: tuple[list[float], list[float], int]
-) -> Stream:
+def rebuild(cls: type[AnyStream], design: Any, words: dict[str, Any], held: Held) -> AnyStream:
     """Return the stream that was made from these words and has seen these samples."""
     stream = cls(design, **words)
     stream._restore(*held)

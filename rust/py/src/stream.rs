@@ -153,7 +153,8 @@ impl Stream {
             return Ok(None);
         }
         let (py, held) = (x.py(), x.try_readonly()?);
-        let samples = held.as_slice()?;
+        // What is not aligned is copied.
+        let Ok(samples) = held.as_slice() else { return Ok(None) };
         if axes == 0 {
             return self.sample(py, samples, time).map(Some);
         }
@@ -269,7 +270,8 @@ impl Stream {
     ///     One sample, or a block of them, the oldest first. What is not of the stream's dtype is converted to it.
     /// t : float or array_like of shape (n,), optional
     ///     When the samples were taken, if the clock is not even: finite and strictly ascending, for every sample of the
-    ///     stream or for none. Every estimate is then a fit on the last `window_length` samples at their own times.
+    ///     stream or for none. Every estimate is then a fit on the last `window_length` samples at their own times, with T
+    ///     their range and one mean step more.
     /// return_std, return_support : bool
     ///     Return `Estimates`, with the standard deviation of every estimate for noise of the level `sigma`, or the number
     ///     of samples in its window that are not missing.

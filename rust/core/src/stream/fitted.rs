@@ -307,13 +307,14 @@ impl<T: Sample> Fitted<T> {
         self.tainted = from.saturating_sub(passed);
     }
 
-    /// From the last estimate to the newest sample, in time; NaN before the first sample.
+    /// From the last estimate to the newest sample, in time; NaN as long as there is none.
     #[must_use]
     pub fn delay(&self) -> f64 {
         let Some((part, local)) = self.stream.parts.first().zip(self.locals.first()) else { return f64::NAN };
         let count = part.span.min(self.stream.held());
         let times = self.times.get(self.times.len().saturating_sub(count)..).filter(|times| !times.is_empty());
-        if count == 0 { f64::NAN } else { local.delay(count, times) }
+        let there = count == part.span || (self.wanted.grow && count >= local.least());
+        if there { local.delay(count, times) } else { f64::NAN }
     }
 }
 
