@@ -23,7 +23,7 @@ lint: ## formatters, linters, types and stubs; needs `make dev`
 
 test-rust: ## tests of the core
 	cargo test --workspace --release
-	cargo run --release --package algdiff-core --example control_loop
+	cargo run --release --example control_loop
 
 test-registers: ## the engines on registers of other CPUs as well; takes minutes to compile
 	cargo test --package algdiff-core --release --lib --features emulated-registers engine

@@ -1,6 +1,6 @@
 //! A control loop without Python: the velocity of a mass on a spring, from noisy positions, damps it.
 //!
-//! `cargo run --release -p algdiff-core --example control_loop`. Designing takes memory and may fail; the loop does neither:
+//! `cargo run --release --example control_loop`. Designing takes memory and may fail; the loop does neither:
 //! optimised, this program links only if the compiler has found no way to panic in [`step`], and [`main`] stops it if the loop asks
 //! for memory.
 
