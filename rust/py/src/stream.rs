@@ -194,8 +194,7 @@ impl Stream {
             return self.alone(py, |_| Ok(()));
         }
         enter(py, progress, |control| {
-            let mut inner =
-                self.inner.lock().map_err(|_| Error::argument("stream", "one that failed", "another one"))?;
+            let mut inner = self.wait(control)?;
             let own = |own| self.pushing.lock().map_or((), |mut pushing| *pushing = own);
             own(Some(thread::current().id()));
             let done = T::of(&mut inner).and_then(|stream| stream.push_block(x, t, results, self.threads, control));
