@@ -127,7 +127,16 @@ impl<T: Sample> Stream<T> {
     #[inline]
     pub fn push(&mut self, sample: &[T], out: &mut [T]) {
         self.keep(sample);
-        let mut outs = out.chunks_mut(self.channels.max(1));
+        self.estimates(out.chunks_mut(self.channels.max(1)));
+    }
+
+    /// The newest estimates, for every order of all designs.
+    #[inline]
+    fn estimates<'o>(&self, outs: impl Iterator<Item = &'o mut [T]>)
+    where
+        T: 'o,
+    {
+        let mut outs = outs;
         for part in &self.parts {
             self.estimate(part, outs.by_ref().take(part.direct.count()));
         }
@@ -181,9 +190,8 @@ impl<T: Sample> Stream<T> {
         threads: usize,
         control: &impl Control,
     ) -> Result<(), Error> {
-        let mut outs = outs;
         if block.len() <= FEW * self.channels && self.parts.iter().all(|part| part.sequential) {
-            self.push_each(block, &mut outs);
+            self.push_each(block, outs);
             return Ok(());
         }
         let mut outs = outs.into_iter();
@@ -196,13 +204,11 @@ impl<T: Sample> Stream<T> {
     }
 
     /// One sample after the other.
-    fn push_each(&mut self, block: &[T], outs: &mut [&mut [T]]) {
+    fn push_each(&mut self, block: &[T], outs: Vec<&mut [T]>) {
+        let mut outs = outs;
         for (row, sample) in block.chunks_exact(self.channels).enumerate() {
             self.keep(sample);
-            let mut outs = outs.iter_mut().map(|out| &mut out[row * self.channels..][..self.channels]);
-            for part in &self.parts {
-                self.estimate(part, outs.by_ref().take(part.direct.count()));
-            }
+            self.estimates(outs.iter_mut().map(|out| &mut out[row * self.channels..][..self.channels]));
         }
     }
 
@@ -233,13 +239,19 @@ impl<T: Sample> Stream<T> {
             Job { threads, ..Job::new(&part.bank, Mode::Valid, layout) }
         };
         if inside > missing {
-            let mut x = try_vec((held + inside) * channels, T::default())?;
-            let (old, new) = x.split_at_mut(held * channels);
-            self.copy_newest(held, old);
-            new.copy_from_slice(&block[..inside * channels]);
+            let x = self.before(held, &block[..inside * channels])?;
             job(held + inside).run_into(&x, head, control)?;
         }
         if samples > inside { job(samples).run_into(block, tail, control) } else { Ok(()) }
+    }
+
+    /// The newest `held` samples, and those of a block behind them.
+    fn before(&self, held: usize, block: &[T]) -> Result<Vec<T>, Error> {
+        let mut x = try_vec(held * self.channels + block.len(), T::default())?;
+        let (old, new) = x.split_at_mut(held * self.channels);
+        self.copy_newest(held, old);
+        new.copy_from_slice(block);
+        Ok(x)
     }
 
     /// Samples at hand.

@@ -8,7 +8,7 @@ use super::window::{Local, Memory, Point, Seen};
 use crate::bank::Bank;
 use crate::control::Control;
 use crate::engine::Sample;
-use crate::error::{Error, try_vec};
+use crate::error::Error;
 
 /// Numbers of a block that are worked on at a time.
 const PIECE: usize = 1 << 14;
@@ -158,7 +158,7 @@ impl<T: Sample> Fitted<T> {
         for (index, (part, local)) in stream.parts.iter().zip(locals).enumerate() {
             let count = part.span.min(stream.held());
             let x = stream.newest(count).unwrap_or_default();
-            let times = times.get(times.len().saturating_sub(count)..).filter(|times| !times.is_empty());
+            let times = newest(times, count);
             let own = &mut results.estimate[first * channels..][..part.direct.count() * channels];
             if times.is_none() {
                 stream.estimate(part, own.chunks_mut(channels));
@@ -232,12 +232,8 @@ impl<T: Sample> Fitted<T> {
     ) -> Result<(), Error> {
         let channels = self.stream.channels;
         let held = self.stream.held().min(self.stream.length - 1);
-        let mut x = try_vec(held * channels + piece.len(), T::default())?;
-        let (old, new) = x.split_at_mut(held * channels);
-        self.stream.copy_newest(held, old);
-        new.copy_from_slice(piece);
-        let known = self.times.len().saturating_sub(held);
-        let mut stamps = self.times.get(known..).unwrap_or_default().to_vec();
+        let x = self.stream.before(held, piece)?;
+        let mut stamps = newest(&self.times, held).unwrap_or_default().to_vec();
         stamps.extend_from_slice(times.unwrap_or_default());
         let outs = results.estimate.chunks_mut(rows * channels);
         let mut outs: Vec<&mut [T]> = outs.map(|out| &mut out[first * channels..][..piece.len()]).collect();
@@ -312,10 +308,15 @@ impl<T: Sample> Fitted<T> {
     pub fn delay(&self) -> f64 {
         let Some((part, local)) = self.stream.parts.first().zip(self.locals.first()) else { return f64::NAN };
         let count = part.span.min(self.stream.held());
-        let times = self.times.get(self.times.len().saturating_sub(count)..).filter(|times| !times.is_empty());
+        let times = newest(&self.times, count);
         let there = count == part.span || (self.wanted.grow && count >= local.least());
         if there { local.delay(count, times) } else { f64::NAN }
     }
+}
+
+/// The newest `count` times, if samples have times.
+fn newest(times: &[f64], count: usize) -> Option<&[f64]> {
+    times.get(times.len().saturating_sub(count)..).filter(|times| !times.is_empty())
 }
 
 fn is_missing<T: Sample>(value: T) -> bool {
