@@ -1,5 +1,6 @@
 """What callers hand over, made into what the core takes, or refused by name."""
 
+import math
 import operator
 import sys
 from collections.abc import Callable
@@ -41,6 +42,14 @@ def real(name: str, value: object) -> float:
         return float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
         raise TypeError(f"{name} must be a real number, got {value!r}") from None
+
+
+def level(name: str, value: object) -> float:
+    """Return a standard deviation."""
+    number = real(name, value)
+    if not (math.isfinite(number) and number >= 0):
+        raise ValueError(f"{name} must be finite and not negative, got {number}")
+    return number
 
 
 def number(name: str, value: object) -> complex:

@@ -110,10 +110,7 @@ class Data:
         if wish.weights is not None:
             self.weights = self._per_sample("weights", wish.weights)
         if wish.sigma is not None and np.ndim(wish.sigma) == 0:
-            sigma = arguments.real("sigma", wish.sigma)
-            if not (math.isfinite(sigma) and sigma >= 0):
-                raise ValueError(f"sigma must be finite and not negative, got {sigma}")
-            self.noise = sigma / math.sqrt(parts)
+            self.noise = arguments.level("sigma", wish.sigma) / math.sqrt(parts)
         elif wish.sigma is not None:
             self.noise, self.level = _normal(self._per_sample("sigma", wish.sigma))
             self.noise /= math.sqrt(parts)

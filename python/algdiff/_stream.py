@@ -16,7 +16,7 @@ from algdiff._arguments import Samples
 from algdiff._core import Bank
 from algdiff._differentiator import Differentiator
 from algdiff._results import Estimates
-from algdiff._wish import chosen
+from algdiff._wish import POLICIES, check_rule, check_support, check_trim, chosen, gain_limit
 
 if TYPE_CHECKING:
     from typing import Self
@@ -26,7 +26,6 @@ Held = tuple[list[float], list[float], int]
 """The samples that windows hold, their times, and how many there were."""
 
 WARMUPS = ("nan", "grow")
-POLICIES = ("propagate", "omit", "raise")
 
 
 class Stream(_core.Stream):
@@ -148,9 +147,13 @@ class Stream(_core.Stream):
         count = None if channels is None else arguments.integer("channels", channels, 1)
         least = max(one.degree for one in designs) + 1
         support = 0 if min_support is None else arguments.integer("min_support", min_support, least)
-        gain = None if max_gain is None else arguments.real("max_gain", max_gain)
-        level, most = arguments.real("sigma", sigma), threads_of.count(threads)
-        _check(designs, warmup, nan_policy, support, gain, level)
+        gain, level, most = gain_limit(max_gain), arguments.level("sigma", sigma), threads_of.count(threads)
+        for one in designs:
+            check_support(one, support)
+            if warmup == "grow":
+                _check_fits("warmup = 'grow'", one)
+            if nan_policy == "omit":
+                check_rule(one, "nan_policy = 'omit'")
         several = not isinstance(design, Differentiator)
         banks = [Bank(one._plans, _engine(one)) for one in designs]
         self = super().__new__(
@@ -209,14 +212,23 @@ class Stream(_core.Stream):
         """Whether estimates have a leading axis over orders."""
         return isinstance(self.design, tuple) or self.design._leading is not None
 
+    @property
+    def _orders(self) -> int:
+        """How many orders there are, of all designs together."""
+        return sum(len(design._plans) for design in self._designs)
+
+    @property
+    def _shape(self) -> tuple[int, ...]:
+        """The shape of a sample."""
+        return () if self.channels is None else (self.channels,)
+
     def _push(self, x: ArrayLike, t: ArrayLike | None, return_std: bool, return_support: bool) -> Any:
         """Push what is no single sample in the simplest form."""
         samples = self._samples(x)
         one = samples.ndim == (self.channels is not None)
         block = samples[np.newaxis] if one else samples
         times = None if t is None else self._times(t, one, len(block))
-        orders = sum(len(design._plans) for design in self._designs)
-        estimate = np.empty((orders, *block.shape), self.dtype)
+        estimate = np.empty((self._orders, *block.shape), self.dtype)
         std = np.empty_like(estimate) if return_std else None
         support = np.empty((len(self._designs), *block.shape), np.int64) if return_support else None
         self._block(
@@ -228,18 +240,11 @@ class Stream(_core.Stream):
         )
         if std is not None:
             std *= self._words["sigma"]
-
-        def shaped(part: Samples | None, several: bool) -> Any:
-            if part is None:
-                return None
-            part = part[:, 0] if one else part
-            part = part if several else part[0]
-            return part.item() if part.ndim == 0 else part
-
-        found = shaped(estimate, self._leads)
+        found = _given(estimate, self._leads, one)
         if not (return_std or return_support):
             return found
-        return Estimates(found, shaped(std, self._leads), shaped(support, isinstance(self.design, tuple)))
+        several = isinstance(self.design, tuple)
+        return Estimates(found, _given(std, self._leads, one), _given(support, several, one))
 
     def _samples(self, x: ArrayLike) -> Samples:
         """Return one sample or a block of them in the stream's type."""
@@ -250,9 +255,9 @@ class Stream(_core.Stream):
             raise TypeError(f"x must be real numbers, got dtype {given.dtype}")
         # A number has no axes, which arrays of a signal must have.
         samples = arguments.unmasked("x", given[np.newaxis] if given.ndim == 0 else given).reshape(given.shape)
-        shape = () if self.channels is None else (self.channels,)
+        shape = self._shape
         if shape not in (samples.shape, samples.shape[1:] if samples.ndim else None):
-            sample = "a number" if self.channels is None else f"an array of shape {shape}"
+            sample = f"an array of shape {shape}" if shape else "a number"
             raise ValueError(f"x must be {sample}, or a block of them along a first axis, got shape {samples.shape}")
         with np.errstate(over="ignore"):
             return np.require(samples, self.dtype, ["C", "A"])
@@ -262,7 +267,7 @@ class Stream(_core.Stream):
         if shape != (() if one else (count,)):
             raise ValueError(f"t must be {'a number' if one else f'of shape ({count},)'}, got shape {shape}")
         for design in self._designs:
-            _fits("time stamps", design)
+            _check_fits("time stamps", design)
         return times
 
     @property
@@ -286,18 +291,13 @@ class Stream(_core.Stream):
         """Standard deviation of the last estimate, in the shape of it."""
         _, std, _ = self._last()
         level = self._words["sigma"] * np.array(std, self.dtype)
-        return self._shaped(level, self._leads)
+        return _given(level.reshape(self._orders, 1, *self._shape), self._leads)
 
     @property
     def support(self) -> Any:
         """Samples in the last window that are not missing."""
         _, _, support = self._last()
-        return self._shaped(np.array(support), isinstance(self.design, tuple))
-
-    def _shaped(self, values: Samples, leading: bool) -> Any:
-        shape = () if self.channels is None else (self.channels,)
-        values = values.reshape(-1, *shape) if leading else values.reshape(shape)
-        return values.item() if values.ndim == 0 else values
+        return _given(np.array(support).reshape(-1, 1, *self._shape), isinstance(self.design, tuple))
 
     @property
     def state(self) -> dict[str, Any]:
@@ -397,30 +397,19 @@ def _engine(design: Differentiator) -> str:
     return "direct" if asked == "auto" else asked
 
 
-def _check(
-    designs: tuple[Differentiator, ...], warmup: str, policy: str, support: int, gain: float | None, sigma: float
-) -> None:
-    if not (math.isfinite(sigma) and sigma >= 0):
-        raise ValueError(f"sigma must be finite and not negative, got {sigma}")
-    if gain is not None and not gain >= 1:
-        raise ValueError(f"max_gain must be at least 1, got {gain}")
-    for design in designs:
-        if support > design.weights.shape[-1]:
-            raise ValueError(
-                f"min_support must be at most the {design.weights.shape[-1]} samples of a window, got {support}"
-            )
-        if warmup == "grow":
-            _fits("warmup = 'grow'", design)
-        if policy == "omit" and design.rule != "exact":
-            raise ValueError(f"rule must be 'exact' with nan_policy = 'omit', got {design.rule!r}")
-
-
-def _fits(what: str, design: Differentiator) -> None:
+def _check_fits(what: str, design: Differentiator) -> None:
     """Refuse designs whose shorter or uneven windows are not known."""
-    if design.rule != "exact":
-        raise ValueError(f"rule must be 'exact' with {what}, got {design.rule!r}")
-    if design.trim != 0:
-        raise ValueError(f"trim must be 0 with {what}, got {design.trim}")
+    check_rule(design, what)
+    check_trim(design, what)
+
+
+def _given(part: Samples | None, leading: bool, one: bool = True) -> Any:
+    """Return results without a leading axis that was not asked for; of one sample without that of the samples."""
+    if part is None:
+        return None
+    part = part[:, 0] if one else part
+    part = part if leading else part[0]
+    return part.item() if part.ndim == 0 else part
 
 
 def _point(design: Differentiator, several: bool) -> tuple[float | None, float]:

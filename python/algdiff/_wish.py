@@ -81,6 +81,8 @@ class Limits(NamedTuple):
     least: int | None
 
 
+POLICIES = ("propagate", "omit", "raise")
+"""What missing samples do."""
 INSIDE = ("fit", "nan", "valid")
 """Modes that do not extend the data."""
 
@@ -88,7 +90,7 @@ INSIDE = ("fit", "nan", "valid")
 def limits(design: Differentiator, windows: Windows, samples: int, call: Call, wish: Wish) -> Limits:
     """Refuse what does not go together, and return what a window must hold."""
     arguments.word("mode", call.mode, "a word such as 'fit'")
-    chosen("nan_policy", wish.nan_policy, ("propagate", "omit", "raise"))
+    chosen("nan_policy", wish.nan_policy, POLICIES)
     chosen("edge_window", wish.edge_window, ("full", "shrink"))
     shrinks = wish.edge_window == "shrink"
     _fits_only(design, windows, wish)
@@ -107,12 +109,38 @@ def limits(design: Differentiator, windows: Windows, samples: int, call: Call, w
         raise ValueError(f"window_length must be at most the {samples} samples of x in mode {call.mode!r}, got {span}")
     least = design.degree + 1
     support = least if wish.min_support is None else arguments.integer("min_support", wish.min_support, least)
-    gain = None if wish.max_gain is None else arguments.real("max_gain", wish.max_gain)
-    if windows.duration is None and support > span:
+    if windows.duration is None:
+        check_support(design, support)
+    return Limits(
+        support, gain_limit(wish.max_gain), min(max(support, 2 * design.degree + 1), span) if shrinks else None
+    )
+
+
+def check_support(design: Differentiator, support: int) -> None:
+    """Refuse to ask for more samples than windows have."""
+    span = design._plan.span
+    if support > span:
         raise ValueError(f"min_support must be at most the {span} samples of a window, got {support}")
+
+
+def gain_limit(max_gain: object) -> float | None:
+    """Return by what factor the noise gain may rise, if that was said."""
+    gain = None if max_gain is None else arguments.real("max_gain", max_gain)
     if gain is not None and not gain >= 1:
         raise ValueError(f"max_gain must be at least 1, got {gain}")
-    return Limits(support, gain, min(max(support, 2 * design.degree + 1), span) if shrinks else None)
+    return gain
+
+
+def check_rule(design: Differentiator, what: str) -> None:
+    """Refuse weights that are no fit's."""
+    if design.rule != "exact":
+        raise ValueError(f"rule must be 'exact' with {what}, got {design.rule!r}")
+
+
+def check_trim(design: Differentiator, what: str) -> None:
+    """Refuse windows of which a part is left out."""
+    if design.trim != 0:
+        raise ValueError(f"trim must be 0 with {what}, got {design.trim}")
 
 
 def chosen(name: str, value: object, allowed: tuple[str, ...], where: str = "") -> None:
@@ -135,7 +163,7 @@ def _fits_only(design: Differentiator, windows: Windows, wish: Wish) -> None:
         "return_bias": wish.return_bias,
     }
     needed = [name for name, wanted in fitted.items() if wanted]
-    if needed and design.rule != "exact":
-        raise ValueError(f"rule must be 'exact' with {needed[0]}, got {design.rule!r}")
-    if design.trim != 0 and (windows.times is not None or wish.edge_window == "shrink"):
-        raise ValueError(f"trim must be 0 with {needed[0]}, got {design.trim}")
+    if needed:
+        check_rule(design, needed[0])
+    if windows.times is not None or wish.edge_window == "shrink":
+        check_trim(design, needed[0])
