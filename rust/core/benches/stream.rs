@@ -4,21 +4,20 @@
 //! `benches/streaming.py` reads; with `-- NAME` only the case of that name. The samples come from a generator that is easily written
 //! elsewhere, and the first estimates are summed up in a hash, so that other programs can tell whether they get the same bits.
 
-use std::error::Error as _;
-use std::fmt;
+#[path = "common/basics.rs"]
+mod basics;
+
 use std::hint::black_box;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use algdiff_core::bank::Bank;
-use algdiff_core::control::Unattended;
-use algdiff_core::design::{Design, Place};
 use algdiff_core::engine::Sample;
 use algdiff_core::error::Error;
 use algdiff_core::kernel::Tau;
 use algdiff_core::plan::Plan;
-use algdiff_core::rule::Rule;
 use algdiff_core::stream::Stream;
+use basics::{Failure, compare, noise, plan};
 
 /// Pushes of a case, each timed.
 const PUSHES: usize = 200_000;
@@ -53,32 +52,6 @@ const CASES: [Case; 10] = [
     Case { name: "channels64", channels: 64, ..PLAIN },
 ];
 
-/// Why the bench cannot go on.
-enum Failure {
-    /// There is no case of this name.
-    Unknown(String),
-    /// A design was refused.
-    Refused(Error),
-    /// An estimate is not the naive sum.
-    Wrong(String),
-}
-
-impl fmt::Debug for Failure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Unknown(name) => write!(f, "there is no case '{name}'"),
-            Self::Refused(error) => write!(f, "{error} {:?}", error.source()),
-            Self::Wrong(what) => f.write_str(what),
-        }
-    }
-}
-
-impl From<Error> for Failure {
-    fn from(error: Error) -> Self {
-        Self::Refused(error)
-    }
-}
-
 /// Nanoseconds.
 struct Found {
     /// Median between two readings of the clock.
@@ -96,7 +69,7 @@ fn main() -> Result<(), Failure> {
     let json = words.iter().any(|word| word == "--json");
     let names: Vec<&String> = words.iter().filter(|word| *word != "--json").collect();
     if let Some(name) = names.iter().find(|name| CASES.iter().all(|case| case.name != name.as_str())) {
-        return Err(Failure::Unknown((*name).clone()));
+        return Err(Failure::Unknown(format!("case '{name}'")));
     }
     if !json {
         println!("one sample: first derivative, degree 3, kappa = mu = 0, no delay; ns, {PUSHES} pushes of each case");
@@ -119,14 +92,9 @@ fn main() -> Result<(), Failure> {
 }
 
 fn run<T: Sample>(case: &Case) -> Result<Found, Failure> {
-    let plan = |window: &usize, deriv: &usize| {
-        let place = Place::Tau(Tau::Newest);
-        let (degree, kappa, mu, delta, rule, trim) = (3, 0.0, 0.0, 1.0, Rule::Exact, 0.0);
-        let design = Design { window_length: *window, deriv: *deriv, degree, kappa, mu, place, delta, rule, trim };
-        Plan::new(&design, &Unattended).map(Arc::new)
-    };
     let bank = |window: &usize| {
-        let plans = case.orders.iter().map(|deriv| plan(window, deriv)).collect::<Result<Vec<_>, Error>>()?;
+        let plans =
+            case.orders.iter().map(|deriv| plan(*window, *deriv, Tau::Newest)).collect::<Result<Vec<_>, Error>>()?;
         Bank::new(plans, None).map(Arc::new)
     };
     let banks = case.windows.iter().map(bank).collect::<Result<Vec<_>, Error>>()?;
@@ -148,7 +116,10 @@ fn run<T: Sample>(case: &Case) -> Result<Found, Failure> {
         }
         if i % 97 == 0 {
             for (plan, out) in plans.iter().zip(out.chunks_exact(case.channels)) {
-                check(plan, &x, i, out)?;
+                let oldest = i + 1 - plan.weights().len();
+                for (channel, value) in out.iter().enumerate() {
+                    compare(plan, &x[oldest + channel..], *value, 8.0, format_args!("sample {i}"))?;
+                }
             }
         }
     }
@@ -182,36 +153,4 @@ fn run<T: Sample>(case: &Case) -> Result<Found, Failure> {
         back_to_back: 1e9 * best.as_secs_f64() / PUSHES as f64,
         hash,
     })
-}
-
-/// Seeded samples between -1 and 1: a linear congruential generator.
-fn noise<T: Sample>(length: usize) -> Vec<T> {
-    let mut state = 12_345_u64;
-    let step = |_| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        T::from_f64((state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0)
-    };
-    (0..length).map(step).collect()
-}
-
-/// The estimates of all channels after sample `newest` against the naive sum, with the bound of the engine "direct" for differences
-/// of at most 2, and 4 eps of the largest sample.
-fn check<T: Sample>(plan: &Plan, x: &[T], newest: usize, out: &[T]) -> Result<(), Failure> {
-    let weights = plan.weights();
-    let eps = if size_of::<T>() == 8 { f64::EPSILON } else { f64::from(f32::EPSILON) };
-    let (mut sum, mut cumulative) = (0.0_f64, 0.0);
-    for weight in weights {
-        sum += weight;
-        cumulative += sum.abs().min((sum - 1.0).abs()) + weight.abs();
-    }
-    let bound = (weights.len() as f64 + 8.0) * eps * 2.0 * cumulative + 4.0 * eps;
-    for (channel, value) in out.iter().enumerate() {
-        let window = &x[newest + 1 - weights.len() + channel..];
-        let naive: f64 = weights.iter().zip(window).map(|(weight, sample)| weight * sample.to_f64()).sum();
-        let off = (naive - value.to_f64()).abs();
-        if off > bound || off.is_nan() {
-            return Err(Failure::Wrong(format!("window {}, sample {newest}: off by {off:e}", weights.len())));
-        }
-    }
-    Ok(())
 }
