@@ -31,7 +31,7 @@ Part = tuple[Samples, Samples, float]
 """Real samples, where their outputs go, and the constant beyond the data."""
 
 
-class _Row(NamedTuple):
+class Row(NamedTuple):
     """What the outputs of a row read: output `i` the window that starts at sample `i - center`."""
 
     samples: int
@@ -41,6 +41,15 @@ class _Row(NamedTuple):
     mode: str
     grid: int
     aligned: bool
+
+    @classmethod
+    def of(cls, plan: Plan, mode: str, samples: int, grid: int, *, half_sample: bool = False) -> Row:
+        """Return the row of some samples under a plan; blocks that start on the `grid` have the bits of the whole."""
+        span = plan.span
+        halves = half_sample and span % 2 == 0
+        center = 0 if mode == "valid" else span // 2 - 1 if halves else plan.aligned_position
+        outputs = max(samples + 1 - span, 0) if mode == "valid" else samples
+        return cls(samples, outputs, span, center, mode, grid, not halves)
 
     def reads(self, first: int, last: int) -> tuple[int, int]:
         """Return the samples that the outputs from `first` to `last` need: in the row, unless that is periodic."""
@@ -89,9 +98,7 @@ def run(
     result = result.transpose(0, *(1 + index for index in order))
     dtype = np.dtype(np.float32 if result.dtype in (np.float32, np.complex64) else np.float64)
     layout = around(x.shape, axis)
-    parts: list[Part] = [(x.real, result.real, cval.real)]
-    if x.dtype.kind == "c":
-        parts.append((x.imag, result.imag, cval.imag))
+    parts = _parts(x, result, cval)
     options: dict[str, Any] = {"half_sample": half_sample, "threads": threads}
     if result.size == 0:
         # Nothing to do, but to say what is wrong with the rest of the call.
@@ -100,11 +107,68 @@ def run(
     if len(parts) == 1 and _plain(x, dtype) and _plain(result, dtype):
         bank.run(x.reshape(-1), result.reshape(-1), layout, mode, cval.real, **options, progress=progress)
         return
-    halves = half_sample and plan.span % 2 == 0
-    center = 0 if mode == "valid" else plan.span // 2 - 1 if halves else plan.aligned_position
     grid = bank.grid(single=dtype == np.float32)
-    row = _Row(x.shape[axis], result.shape[1 + axis], plan.span, center, mode, grid, not halves)
+    row = Row.of(plan, mode, x.shape[axis], grid, half_sample=half_sample)
     _Blocks(bank, row, parts, axis, dtype, options, progress).run()
+
+
+def run_part(
+    bank: Bank,
+    row: Row,
+    x: Samples,
+    result: Samples,
+    axis: int,
+    cval: complex,
+    *,
+    start: int,
+    first: int,
+    threads: int,
+    progress: Progress | None = None,
+) -> None:
+    """Apply `bank` to a part of longer rows: what `Row.reads` says that some outputs need.
+
+    Parameters
+    ----------
+    bank : Bank
+        What to apply.
+    row : Row
+        A whole row.
+    x : ndarray
+        The samples from `start` on, which may lie before or beyond a row whose mode is "wrap".
+    result : ndarray
+        Where the outputs from `first` on go; its leading axis is that of the orders.
+    axis : int
+        The axis of time in `x`, counted from the front.
+    cval : complex
+        The value beyond the data in mode "constant".
+    start, first : int
+        Where in the row the samples and the outputs begin.
+    threads : int
+        At most so many; 0 leaves it to the core.
+    progress : callable, optional
+        Called now and then with the fraction that is done.
+    """
+    order = memory_order(x)
+    x, axis = x.transpose(order), order.index(axis)
+    result = result.transpose(0, *(1 + index for index in order))
+    dtype = np.dtype(np.float32 if result.dtype in (np.float32, np.complex64) else np.float64)
+    if result.size == 0:
+        return
+    end = start + x.shape[axis]
+    around_the_ends = start < 0 or end > row.samples
+    if x.dtype.kind != "c" and _plain(x, dtype) and _plain(result, dtype) and not around_the_ends:
+        call = row.call(first, start, end)
+        layout = around(x.shape, axis)
+        bank.run(x.reshape(-1), result.reshape(-1), layout, cval=cval.real, threads=threads, progress=progress, **call)
+        return
+    options = {"threads": threads}
+    _Blocks(bank, row, _parts(x, result, cval), axis, dtype, options, progress, (start, first)).run()
+
+
+def _parts(x: Samples, result: Samples, cval: complex) -> list[Part]:
+    """Return the real part and, of complex samples, the imaginary one."""
+    real = (x.real, result.real, cval.real)
+    return [real, (x.imag, result.imag, cval.imag)] if x.dtype.kind == "c" else [real]
 
 
 def _plain(array: Samples, dtype: np.dtype[Any]) -> bool:
@@ -118,13 +182,16 @@ class _Blocks:
     def __init__(
         self,
         bank: Bank,
-        row: _Row,
+        row: Row,
         parts: list[Part],
         axis: int,
         dtype: np.dtype[Any],
         options: dict[str, Any],
         progress: Progress | None,
+        origin: tuple[int, int] | None = None,
     ) -> None:
+        # Which sample and which output are the first of the arrays, if those are parts of rows.
+        self.part, (self.start, self.first) = origin is not None, origin or (0, 0)
         self.bank, self.row, self.parts, self.axis, self.options = bank, row, parts, axis, options
         self.orders, *self.shape = parts[0][1].shape
         self.buffers = {"x": np.empty(0, dtype), "out": np.empty(0, dtype)}
@@ -142,25 +209,32 @@ class _Blocks:
         # Lines of memory whole, if blocks stay much longer than the window, which neighbours have in common.
         columns = inner if 4 * self.orders * inner * row.span <= budget else min(inner, COLUMNS)
         least = max(budget // columns // self.orders - row.span + 1, (3 if columns > 1 else 1) * row.span)
-        length = min(-(-least // row.grid) * row.grid, max(row.outputs, 1))
+        first, last = self.first, self.first + self.shape[self.axis]
+        length = min(-(-least // row.grid) * row.grid, max(last - first, 1))
         left = max(budget // max(length + row.span - 1, length * self.orders), 1)
         cuts: list[list[slice]] = [[] for _ in self.shape]
         for axis in reversed(range(len(self.shape))):
             if axis == self.axis:
                 # Windows start on the grid, counted from the first sample.
-                starts = sorted({0, *range(row.center % row.grid, row.outputs, length)})
+                # Those that reach around the ends of a periodic row are apart from those that do not.
+                ends = (row.center, row.outputs - row.span + row.center + 1) if row.mode == "wrap" else ()
+                grid = range(first + (row.center - first) % row.grid, last, length)
+                starts = sorted({first, *grid, *(end for end in ends if first < end < last)})
             else:
                 extent = min(left, self.shape[axis])
                 left = max(left // extent, 1) if extent == self.shape[axis] else 1
                 starts = list(range(0, self.shape[axis], extent))
-            cuts[axis] = [slice(*pair) for pair in itertools.pairwise((*starts, self.shape[axis]))]
+            end = last if axis == self.axis else self.shape[axis]
+            cuts[axis] = [slice(*pair) for pair in itertools.pairwise((*starts, end))]
         return itertools.product(*cuts)
 
     def block(self, place: tuple[slice, ...], x: Samples, result: Samples, cval: float) -> None:
         first, last = place[self.axis].start, place[self.axis].stop
         start, end = self.row.reads(first, last)
         samples = self.samples(x, place, start, end)
-        target = result[(slice(None), *place)]
+        where = list(place)
+        where[self.axis] = slice(first - self.first, last - self.first)
+        target = result[(slice(None), *where)]
         plain = _plain(target, samples.dtype)
         out = target.reshape(-1) if plain else self.buffer("out", target.size)
         options = {**self.row.call(first, start, end), **self.options, "progress": self.fraction(target.size)}
@@ -172,8 +246,10 @@ class _Blocks:
     def samples(self, x: Samples, place: tuple[slice, ...], start: int, end: int) -> Samples:
         """Return the samples from `start` to `end` of some rows as the core takes them."""
         before, after = place[: self.axis], place[self.axis + 1 :]
-        inside = start >= 0 and end <= self.row.samples
-        where: Any = slice(start, end) if inside else np.arange(start, end) % self.row.samples
+        inside = self.part or (start >= 0 and end <= self.row.samples)
+        where: Any = slice(start - self.start, end - self.start)
+        if not inside:
+            where = np.arange(start, end) % self.row.samples
         samples = x[(*before, where, *after)]
         if inside and _plain(samples, self.buffers["x"].dtype):
             return samples
