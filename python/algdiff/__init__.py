@@ -20,6 +20,7 @@ from algdiff._core import InternalError
 from algdiff._differentiate import differentiate
 from algdiff._differentiator import Differentiator
 from algdiff._fields import hessian, laplacian, partial
+from algdiff._file import FileReport, differentiate_file
 from algdiff._gradient import gradient
 from algdiff._kernel import Asymptotes, Kernel
 from algdiff._noise import noise_level
@@ -37,12 +38,14 @@ __all__ = [
     "DesignWarning",
     "Differentiator",
     "Estimates",
+    "FileReport",
     "InternalError",
     "Kernel",
     "Stream",
     "__version__",
     "delay_tradeoff",
     "differentiate",
+    "differentiate_file",
     "gradient",
     "hessian",
     "laplacian",

@@ -1,0 +1,140 @@
+"""Into what blocks a file is cut."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from algdiff._blocks import Row
+
+BLOCK = 16 << 20
+"""Bytes of the buffers of a block, unless windows are long."""
+
+
+def _up(value: int, unit: int) -> int:
+    return -(-value // unit) * unit
+
+
+class TooLargeError(Exception):
+    """Carries the bytes that the smallest block needs."""
+
+
+class Cuts:
+    """Blocks of outputs, in the order in which they are made.
+
+    Blocks are as long along time as is good for the window, and hold neighbours in the file together. They start where
+    the engine starts its own, so that they have the bits of one run over everything; or on the output's `units`.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Shape of the outputs of one order.
+    axis : int
+        The axis of time in it.
+    row : Row
+        What outputs read.
+    cost : int
+        Bytes that buffers need for one sample and its outputs.
+    budget : int
+        Bytes for all buffers, at most.
+    fortran : bool
+        Whether the first axis lies closest in the file.
+    units : tuple of int or None
+        Chunks of the file; blocks are whole chunks, along time only if `chunked`.
+    chunked : bool
+        Whether the output is written in these chunks.
+    rows : bool
+        Whether blocks must hold everything of their samples: the rows of a table.
+
+    Attributes
+    ----------
+    bytes : int
+        Bytes that the buffers of the largest block need.
+
+    Raises
+    ------
+    TooLargeError
+        The smallest block does not fit into `budget`.
+    """
+
+    def __init__(
+        self,
+        shape: tuple[int, ...],
+        axis: int,
+        row: Row,
+        *,
+        cost: int,
+        budget: int,
+        fortran: bool = False,
+        units: Sequence[int] | None = None,
+        chunked: bool = False,
+        rows: bool = False,
+    ) -> None:
+        self.shape, self.axis, self.row, self.fortran = shape, axis, row, fortran
+        self.unit = units[axis] if units is not None and chunked else row.grid
+        extents = [
+            extent if rows else min(unit, extent) for extent, unit in zip(shape, units or [1] * len(shape), strict=True)
+        ]
+        # The shortest block: as many outputs as the window has samples, each with the window before it.
+        extents[axis] = min(_up(row.span, self.unit), max(shape[axis], 1))
+        need = self._need(extents, cost)
+        if need > budget:
+            raise TooLargeError(need)
+        order = range(len(shape)) if fortran else reversed(range(len(shape)))
+        nearer, target = True, min(max(BLOCK, 8 * need), budget)
+        for index in order:
+            if index == axis:
+                nearer = False
+                self._lengthen(extents, cost, target)
+            elif not rows:
+                # Neighbours closer than those in time as far as memory reaches, others as far as blocks stay small.
+                self._widen(extents, index, cost, budget if nearer else target)
+        self.extents = tuple(extents)
+        # Windows start on the grid, counted from the first sample: that makes the first block longer.
+        self.before = 0 if chunked else row.center % row.grid
+        extents[axis] = min(extents[axis] + self.before, shape[axis])
+        self.bytes = self._need(extents, cost)
+
+    def _need(self, extents: Sequence[int], cost: int) -> int:
+        along = extents[self.axis] + self.row.span
+        return cost * along * math.prod(extents[: self.axis]) * math.prod(extents[self.axis + 1 :])
+
+    def _lengthen(self, extents: list[int], cost: int, limit: int) -> None:
+        least = extents[self.axis]
+        per = self._need(extents, cost) // (least + self.row.span)
+        length = (limit // max(per, 1) - self.row.span) // self.unit * self.unit
+        extents[self.axis] = min(max(length, least), max(self.shape[self.axis], 1))
+
+    def _widen(self, extents: list[int], index: int, cost: int, limit: int) -> None:
+        if any(extents[other] < self.shape[other] for other in self._nearer(index)):
+            return
+        unit = extents[index]
+        times = max(limit // max(self._need(extents, cost), 1), 1)
+        extents[index] = max(min(unit * times, self.shape[index]), unit)
+
+    def _nearer(self, index: int) -> range:
+        return range(index) if self.fortran else range(index + 1, len(self.shape))
+
+    def __len__(self) -> int:
+        return math.prod(len(starts) for starts in self._starts())
+
+    def __iter__(self) -> Iterator[tuple[slice, ...]]:
+        """Yield the places of the blocks in the shape of the outputs."""
+        cuts = [
+            [slice(*pair) for pair in itertools.pairwise((*starts, extent))]
+            for starts, extent in zip(self._starts(), self.shape, strict=True)
+        ]
+        if self.fortran:
+            return (place[::-1] for place in itertools.product(*cuts[::-1]))
+        return itertools.product(*cuts)
+
+    def _starts(self) -> list[list[int]]:
+        starts = []
+        for index, (step, extent) in enumerate(zip(self.extents, self.shape, strict=True)):
+            first = step + self.before if index == self.axis else step
+            starts.append([0, *range(first, extent, max(step, 1))] if extent else [])
+        return starts
