@@ -15,7 +15,7 @@ from algdiff import _arguments as arguments
 from algdiff import _formats as formats
 from algdiff import _threads as threads_of
 from algdiff._differentiator import Differentiator
-from algdiff._file_run import Job, run
+from algdiff._file_run import Job, Spec, run
 from algdiff._formats.base import Options
 from algdiff._output import check_output
 from algdiff._run import MODES
@@ -27,6 +27,11 @@ MEMORY = 512 << 20
 """Bytes of memory that a run may use, unless it is said otherwise."""
 
 LEAST_MEMORY = 1 << 20
+
+DESIGN = ("deriv", "degree", "kappa", "mu", "tau", "delay", "rule", "trim", "engine")
+"""Arguments of a design, but for its window and its step."""
+
+Runner = Callable[..., int]
 
 
 @dataclass(frozen=True)
@@ -222,18 +227,27 @@ def differentiate_file(
     >>> bool(np.allclose(np.load(folder / "v.npy"), np.cos(t), atol=1e-5))
     True
     """
-    design: dict[str, Any] = {
-        "deriv": deriv,
-        "degree": degree,
-        "kappa": kappa,
-        "mu": mu,
-        "tau": tau,
-        "delay": delay,
-        "rule": rule,
-        "trim": trim,
-        "engine": engine,
-    }
+    return asked(**{**locals(), "runner": run})
+
+
+def asked(
+    runner: Runner,
+    src: Any,
+    dst: Any,
+    window_length: Any,
+    delta: Any,
+    fs: Any,
+    columns: Any,
+    time: Any,
+    key: str | None,
+    dtype: Any,
+    channels: Any,
+    offset: Any,
+    **words: Any,
+) -> FileReport:
+    """Do what `differentiate_file` does, all of whose arguments are given, by a `runner` (see `differentiate_with`)."""
     given = arguments.sampling_step(delta, fs) if (delta, fs) != (None, None) else None
+    design = {name: words.pop(name) for name in DESIGN}
     return differentiate_with(
         lambda step: Differentiator(window_length, delta=1.0 if step is None else step, **design),
         Options(
@@ -247,15 +261,8 @@ def differentiate_file(
         src,
         dst,
         step=given,
-        axis=axis,
-        mode=mode,
-        cval=cval,
-        overwrite=overwrite,
-        resume=resume,
-        dry_run=dry_run,
-        memory=memory,
-        threads=threads,
-        progress=progress,
+        runner=runner,
+        **words,
     )
 
 
@@ -275,8 +282,12 @@ def differentiate_with(
     memory: int = MEMORY,
     threads: int | None = None,
     progress: Progress | None = None,
+    runner: Runner = run,
 ) -> FileReport:
-    """Do what `differentiate_file` does with the design that `make` returns for a sampling step, None if unknown."""
+    """Do what `differentiate_file` does with the design that `make` returns for a sampling step, None if unknown.
+
+    `runner` does the work and returns how many blocks were finished before: `_file_run.run`, or the same elsewhere.
+    """
     origin, target = formats.located("src", src), formats.located("dst", dst)
     check(origin, target, options)
     memory = arguments.integer("memory", memory, LEAST_MEMORY)
@@ -288,24 +299,14 @@ def differentiate_with(
         along = arguments.axis_index(source.axis if axis is None else axis, len(source.shape))
         known = source.step_along(along) if step is None else step
         design = make(known)
-        job = Job(
-            source,
-            target,
-            design,
-            axis=along,
-            mode=mode,
-            cval=cval,
-            stated=known is not None,
-            key=options.key,
-            memory=memory,
-        )
+        job = Job(source, Spec(origin, target, options, design, along, mode, cval, known is not None, memory))
         resumed = 0
         if dry_run:
             seconds = _estimate(job, threads)
         else:
-            resumed = run(job, overwrite=overwrite, resume=resume, threads=threads, progress=progress)
+            resumed = runner(job, overwrite=overwrite, resume=resume, threads=threads, progress=progress)
             seconds = time.perf_counter() - started
-        return _report(origin, job, known, seconds, resumed, dry_run=dry_run)
+        return _report(job, seconds, resumed, dry_run=dry_run)
 
 
 def check(origin: formats.Located, target: formats.Located, options: Options) -> None:
@@ -336,29 +337,21 @@ def _estimate(job: Job, threads: int | None) -> float:
         return 0.0
     place = next(places, place)
     started = time.perf_counter()
-    start, end = job.reads(place)
-    region = list(place)
-    region[job.axis] = slice(start, end)
-    x = job.empty(region)
-    job.read(place, x)
-    result = np.empty((len(job.layout.orders), *(one.stop - one.start for one in place)), job.layout.dtype)
-    job.compute(place, x, result, threads_of.count(threads), None)
+    job.block(place, threads_of.count(threads))
     return (time.perf_counter() - started) * len(job.cuts)
 
 
-def _report(
-    origin: formats.Located, job: Job, delta: float | None, seconds: float, resumed: int, *, dry_run: bool
-) -> FileReport:
+def _report(job: Job, seconds: float, resumed: int, *, dry_run: bool) -> FileReport:
     source, layout, design = job.source, job.layout, job.design
     return FileReport(
-        source=origin.given,
+        source=job.spec.origin.given,
         target=job.target.given,
         shape=source.shape,
         dtype=source.dtype.name,
         result_shape=layout.full_shape,
         result_dtype=layout.dtype.name,
         axis=job.axis,
-        delta=delta,
+        delta=layout.step,
         window_length=design.window_length,
         deriv=design.deriv,
         delay=design.delay,

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from algdiff import _arguments as arguments
 from algdiff import _formats as formats
 from algdiff import _threads as threads_of
 from algdiff._blocks import Row, run_part
-from algdiff._formats.base import Layout, Place, Source, Target
+from algdiff._formats.base import Layout, Options, Place, Source, Target
 from algdiff._formats.stage import Stage
 from algdiff._journal import Journal
 from algdiff._output import publish, remove
@@ -33,6 +33,40 @@ RESERVE = 192 << 20
 """Bytes of memory that are not for buffers: the interpreter, libraries, what readers keep."""
 
 
+class Spec(NamedTuple):
+    """What is asked for; whoever opens the input can make the same job of it.
+
+    Attributes
+    ----------
+    origin, target : Located
+        Input and output.
+    options : Options
+        How the input is to be read, and the name of an output that has one.
+    design : Differentiator
+        What is computed.
+    axis : int
+        The axis of time, counted from the front.
+    mode : str
+        What happens at the ends.
+    cval : complex
+        The value beyond the data in mode "constant".
+    stated : bool
+        Whether the step of the design is known, from the caller or the file.
+    memory : int
+        Bytes that the run may use.
+    """
+
+    origin: formats.Located
+    target: formats.Located
+    options: Options
+    design: Differentiator
+    axis: int
+    mode: str
+    cval: complex
+    stated: bool
+    memory: int
+
+
 class Job:
     """What is read, computed and written, decided before the first sample.
 
@@ -40,22 +74,8 @@ class Job:
     ----------
     source : Source
         The input, open.
-    target : Located
-        The output.
-    design : Differentiator
-        What is computed.
-    axis : int or None
-        The axis of time; that of the format by default.
-    mode : str
-        What happens at the ends.
-    cval : complex
-        The value beyond the data in mode "constant".
-    stated : bool
-        Whether the design's step is known, from the caller or the file.
-    key : str or None
-        Name of the array in an ``.npz`` output.
-    memory : int
-        Bytes that the run may use.
+    spec : Spec
+        What is asked for.
 
     Attributes
     ----------
@@ -67,23 +87,12 @@ class Job:
         The blocks.
     """
 
-    def __init__(
-        self,
-        source: Source,
-        target: formats.Located,
-        design: Differentiator,
-        *,
-        axis: int,
-        mode: str,
-        cval: complex,
-        stated: bool,
-        key: str | None,
-        memory: int,
-    ) -> None:
-        self.source, self.target, self.design, self.mode, self.cval = source, target, design, mode, cval
-        self.axis = axis
+    def __init__(self, source: Source, spec: Spec) -> None:
+        self.source, self.spec, self.target, self.design = source, spec, spec.target, spec.design
+        axis, mode, design = spec.axis, spec.mode, spec.design
+        self.axis, self.mode = axis, mode
         dtype = arguments.working_dtype(source.dtype)
-        cval = (arguments.number if dtype.kind == "c" else arguments.real)("cval", cval)
+        self.cval = (arguments.number if dtype.kind == "c" else arguments.real)("cval", spec.cval)
         samples, span = source.shape[axis], design._plan.span
         if span > samples and mode in ("fit", "valid", "nan"):
             raise ValueError(
@@ -101,16 +110,16 @@ class Job:
             dtype=dtype,
             fortran=source.fortran,
             chunks=source.chunks,
-            step=design.delta if stated else None,
+            step=design.delta if spec.stated else None,
             names=source.names,
             delimiter=source.delimiter,
             time=source.time,
             time_dtype=source.time_dtype,
-            key=key or "arr_0",
+            key=spec.options.key or "arr_0",
             attributes=source.attributes,
         )
-        formats.check(target, self.layout)
-        self.cuts = self._cut(memory)
+        formats.check(spec.target, self.layout)
+        self.cuts = self._cut(spec.memory)
 
     def _cut(self, memory: int) -> Cuts:
         orders, layout = len(self.layout.orders), self.layout
@@ -188,6 +197,18 @@ class Job:
         options: dict[str, Any] = {"start": start, "first": place[self.axis].start}
         bank = self.design._bank
         run_part(bank, self.row, x, result, self.axis, self.cval, threads=threads, progress=progress, **options)
+
+    def block(self, place: Place, threads: int) -> tuple[Samples, Samples | None]:
+        """Read and compute the outputs at a place; return them, with a leading axis over the orders, and times."""
+        start, end = self.reads(place)
+        region = list(place)
+        region[self.axis] = slice(start, end)
+        x = self.empty(region)
+        times = self.read(place, x)
+        shape = (len(self.layout.orders), *(one.stop - one.start for one in place))
+        result = Buffers().take(0, shape, self.layout.dtype, fortran=self.source.fortran, leading=1)
+        self.compute(place, x, result, threads, None)
+        return result, times
 
     def write(self, target: Target, place: Place, result: Samples, times: Samples | None) -> None:
         """Write the outputs at a place."""

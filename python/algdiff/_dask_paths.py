@@ -1,0 +1,132 @@
+"""A file differentiated into another by the workers of a cluster: tasks that read, compute and write regions alone."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from algdiff import _formats as formats
+from algdiff import _threads as threads_of
+from algdiff._file_run import Job, Spec
+from algdiff._journal import Journal
+from algdiff._output import publish
+
+if TYPE_CHECKING:
+    from algdiff._arguments import Progress
+
+SHARES = 8
+"""Tasks for every thread of the cluster: enough for fast workers to take over from slow ones."""
+
+
+class Common(NamedTuple):
+    """What every task needs to know.
+
+    Attributes
+    ----------
+    spec : Spec
+        What is asked for, with absolute paths.
+    partial : str
+        The unfinished output.
+    stamp : list of int
+        Size and time of the input.
+    threads : int or None
+        Threads for each task; None for one.
+    """
+
+    spec: Spec
+    partial: str
+    stamp: list[int]
+    threads: int | None
+
+
+def region(common: Common, first: int, last: int) -> int:
+    """Read, compute and write the blocks from `first` to `last`, durably; return their number.
+
+    A task whose worker is lost runs again, and writes the same bytes.
+    """
+    spec = common.spec
+    with formats.open_source(spec.origin, spec.options) as source:
+        if source.stamp() != common.stamp:
+            raise ValueError(f"{source.path}: was changed since the run began, or is another file for this worker")
+        job = Job(source, spec)
+        with closing(formats.reopen(job.target, Path(common.partial), job.layout, 0)) as target:
+            for place in itertools.islice(job.cuts, first, last):
+                job.write(target, place, *job.block(place, threads_of.count(common.threads)))
+            target.sync()
+    return last - first
+
+
+def run(
+    client: Any,
+    job: Job,
+    *,
+    overwrite: bool,
+    resume: bool,
+    threads: int | None,
+    progress: Progress | None,
+) -> int:
+    """Let the workers of `client` do a job; see `_file_run.run`."""
+    for name, place in (("src", job.spec.origin), ("dst", job.target)):
+        if place.form.staged or place.form.table:
+            raise ValueError(f"{name} must be of a format with regions (npy, raw, hdf5, zarr), got {place.given}")
+    final = Path(os.path.realpath(job.target.path))
+    journal = Journal(final.with_name(final.name + ".partial"), job.header(), resume=resume, overwrite=overwrite)
+    before = journal.done
+    try:
+        if not before:
+            formats.create(job.target, journal.partial, job.layout).close()
+        common = Common(_everywhere(job.spec), str(journal.partial), job.source.stamp(), threads)
+        _work(client, common, journal, len(job.cuts), progress)
+        if job.source.stamp() != common.stamp:
+            raise ValueError(f"{job.source.path}: was changed while it was read; nothing was written")
+        publish(journal.partial, final, overwrite)
+    except BaseException:
+        if journal.done:
+            journal.close()
+        else:
+            journal.remove()
+        raise
+    journal.remove()
+    return before
+
+
+def _everywhere(spec: Spec) -> Spec:
+    """Return `spec` with paths that do not depend on the folder of a process."""
+    origin, target = (place._replace(path=place.path.absolute()) for place in (spec.origin, spec.target))
+    return spec._replace(origin=origin, target=target)
+
+
+def tasks(common: Common, bounds: Sequence[tuple[int, int]]) -> list[Any]:
+    """Return one lazy task for every pair of bounds; what they have in common is in their graph once."""
+    from dask.delayed import delayed
+
+    shared = delayed(common, pure=False, traverse=False)
+    return [delayed(region, pure=False)(shared, first, last) for first, last in bounds]
+
+
+def _work(client: Any, common: Common, journal: Journal, blocks: int, progress: Progress | None) -> None:
+    from distributed import as_completed
+
+    todo = blocks - journal.done
+    if not todo:
+        return
+    count = min(todo, SHARES * max(sum(client.nthreads().values()), 1))
+    bounds = list(itertools.pairwise(journal.done + todo * share // count for share in range(count + 1)))
+    futures = client.compute(tasks(common, bounds))
+    ends = {future.key: pair for future, pair in zip(futures, bounds, strict=True)}
+    try:
+        waiting, completed = list(bounds), as_completed(futures, with_results=True)
+        for finished, (future, _) in enumerate(completed, 1):
+            waiting.remove(ends[future.key])
+            # A later run goes on before the first region that is missing.
+            safe = waiting[0][0] if waiting else blocks
+            if safe > journal.done:
+                journal.note(safe, 0)
+            if progress is not None:
+                progress(finished / count)
+    finally:
+        client.cancel(futures)
