@@ -6,7 +6,7 @@ help: ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/:/' | column -t -s:
 
 dev: ## install the package and all tools into the current environment
-	$(PYTHON) -m pip install '.[test,lint,demo,bench,dask]'
+	$(PYTHON) -m pip install '.[test,lint,demo,bench]'
 
 fmt: ## format Rust and Python
 	cargo fmt --all

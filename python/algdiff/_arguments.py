@@ -16,6 +16,9 @@ Progress = Callable[[float], object]
 MAX_WINDOW = 10_000_000
 """The longest window that the core takes."""
 
+LARGEST = 1 << 30
+"""Bytes of a dataset in a file that are loaded without asking."""
+
 
 def integer(name: str, value: object, least: int) -> int:
     """Return `value` as an integer of at least `least`."""
@@ -142,6 +145,11 @@ def plain(name: str, values: ArrayLike) -> Samples:
             raise TypeError(f"{name} is a masked array with masked values: fill them, or split {name} at the gaps")
         values = np.ma.getdata(values)
     kind = type(values)  # not the object: a table may have columns of these names
+    if kind.__module__.partition(".")[0] in ("h5py", "zarr") and getattr(values, "nbytes", 0) > LARGEST:
+        raise ValueError(
+            f"{name} would be loaded whole, {getattr(values, 'nbytes', 0) / 2**30:.3g} GiB of it: take "
+            "algdiff.differentiate_file, or a part of it"
+        )
     if hasattr(kind, "magnitude") or (hasattr(kind, "unit") and hasattr(kind, "value")):
         raise TypeError(f"{name} carries units, which would be lost: pass its plain numbers and scale the result")
     try:

@@ -119,7 +119,8 @@ def _work(client: Any, common: Common, journal: Journal, blocks: int, progress: 
     futures = client.compute(tasks(common, bounds))
     ends = {future.key: pair for future, pair in zip(futures, bounds, strict=True)}
     try:
-        waiting, completed = list(bounds), as_completed(futures, with_results=True)
+        waiting = list(bounds)
+        completed = as_completed(futures, with_results=True)  # type: ignore[no-untyped-call, unused-ignore]
         for finished, (future, _) in enumerate(completed, 1):
             waiting.remove(ends[future.key])
             # A later run goes on before the first region that is missing.
