@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.metadata
 import inspect
 import subprocess
@@ -40,6 +41,6 @@ def test_every_public_name_is_documented_with_an_example() -> None:
         thing = getattr(algdiff, name)
         if inspect.isfunction(thing) or (inspect.isclass(thing) and not issubclass(thing, Exception)):
             documentation = inspect.getdoc(thing) or ""
-            is_tuple = inspect.isclass(thing) and issubclass(thing, tuple)
-            for section in [*(["Attributes"] if is_tuple else ["Parameters", "Raises"]), "Examples", ">>>"]:
+            is_result = inspect.isclass(thing) and (issubclass(thing, tuple) or dataclasses.is_dataclass(thing))
+            for section in [*(["Attributes"] if is_result else ["Parameters", "Raises"]), "Examples", ">>>"]:
                 assert section in documentation, f"{name}: {section}"

@@ -213,6 +213,21 @@ def test_even_times_of_every_kind_are_recognised() -> None:
         differentiate(x, 15, t=2 * np.arange(90) + 1e-7 * jitter, mode="mirror")
 
 
+@pytest.mark.parametrize(("unit", "even"), [("ns", True), ("us", False), ("ms", False)])
+def test_dates_are_rounded_to_their_unit(unit: str, even: bool) -> None:
+    """60 Hz in nanoseconds is even; coarser units are off by more than 1e-6 of a step, and are taken at their word."""
+    x = np.random.default_rng(28).standard_normal(400)
+    seconds = np.arange(400) / 60
+    per_second = {"ns": 1e9, "us": 1e6, "ms": 1e3}[unit]
+    t = np.datetime64("2024-02-28T12:00", unit) + np.rint(per_second * seconds).astype(f"timedelta64[{unit}]")
+    found = differentiate(x, 15, t=t)
+    same = np.array_equal(found, differentiate(x, 15, delta=float((t[-1] - t[0]) / np.timedelta64(1, "s")) / 399))
+    assert same == even
+    # One stamp that is off by two units is no rounding.
+    t[200] += 2
+    assert not np.array_equal(differentiate(x, 15, t=t), found)
+
+
 @pytest.mark.parametrize("tau", ["center", "root", "newest", 0.3])
 def test_a_duration_of_even_samples_is_a_number_of_samples(tau: Any) -> None:
     x, t = np.random.default_rng(28).standard_normal(80), np.arange(80) * 0.5

@@ -13,6 +13,9 @@ from algdiff import _arguments as arguments
 EVEN = 1e-9
 """Stamps are even if none lies farther than this share of a step, and its own rounding, from where it would."""
 
+FINE = 1e-6
+"""Dates are rounded to their unit, and may be off by half of it, if it is at most about this share of a step."""
+
 
 class Stamps:
     """Strictly monotone times of the samples of a row, counted from the first.
@@ -45,7 +48,7 @@ class Stamps:
             index = size - 2 - index if self.descending else index
             raise ValueError(f"t must be strictly monotone, got {given[index]} followed by {given[index + 1]}")
         self.values: NDArray[np.float64] = np.ascontiguousarray(times)
-        self.step = _even_step(self.values, _rounding(given))
+        self.step = _even_step(self.values, _plain("t", given))
 
     def since(self, name: str, times: ArrayLike) -> NDArray[np.float64]:
         """Return how long after the first sample `times` are."""
@@ -105,18 +108,23 @@ def _plain(name: str, times: ArrayLike) -> NDArray[Any]:
     return array
 
 
-def _rounding(given: NDArray[Any]) -> float:
-    """Return by how much a stamp may be off for being rounded."""
-    if given.size == 0 or given.dtype.kind in "iumM":
+def _rounding(given: NDArray[Any], step: float) -> float:
+    """Return by how much a stamp may be off for being rounded: dates to their unit, if that is fine for the step."""
+    if given.dtype.kind in "mM":
+        unit: Any = np.ones(1, given.dtype) - np.zeros(1, given.dtype)
+        half = 0.51 * float((unit / np.timedelta64(1, "s"))[0])
+        return half if half <= FINE * step else 0.0
+    if given.size == 0 or given.dtype.kind in "iu":
         return 0.0
-    return 2 * float(np.finfo(given.dtype).eps) * float(np.abs(given).max())
+    return float(np.finfo(given.dtype).eps) * float(np.abs(given).max())
 
 
-def _even_step(times: NDArray[np.float64], rounding: float) -> float | None:
+def _even_step(times: NDArray[np.float64], given: NDArray[Any]) -> float | None:
     if times.size < 2:
         return None
     step = float(times[-1]) / (times.size - 1)
-    allowed = EVEN * step + rounding + 4 * float(np.finfo(np.float64).eps) * float(times[-1])
+    # The first stamp is rounded as well, and so is the last, which makes the step.
+    allowed = EVEN * step + 2 * _rounding(given, step) + 4 * float(np.finfo(np.float64).eps) * float(times[-1])
     deviation = np.arange(times.size, dtype=np.float64)
     deviation *= step
     deviation -= times
