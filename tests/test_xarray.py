@@ -341,3 +341,14 @@ def test_chunks_go_to_zarr_and_back(tmp_path: Path) -> None:
             with xr.open_zarr(tmp_path / f"out{len(words)}") as back:
                 expected = differentiate(opened.compute(), "time", 11, **words)
                 xr.testing.assert_identical(back.load(), expected)
+
+
+def test_lazy_arrays_are_not_computed_unasked() -> None:
+    pytest.importorskip("dask.array")
+    lazy = xr.DataArray(np.arange(100.0), dims="time").chunk(time=20)
+    for call in (lambda: algdiff.differentiate(lazy, 11), lambda: algdiff.noise_level(lazy)):
+        with pytest.raises(
+            TypeError, match=r"^x is lazy .*: give it to algdiff.xarray.differentiate, or compute it first"
+        ):
+            call()
+    np.testing.assert_allclose(algdiff.differentiate(lazy.compute(), 11), 1.0)

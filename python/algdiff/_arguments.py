@@ -145,6 +145,9 @@ def plain(name: str, values: ArrayLike) -> Samples:
             raise TypeError(f"{name} is a masked array with masked values: fill them, or split {name} at the gaps")
         values = np.ma.getdata(values)
     kind = type(values)  # not the object: a table may have columns of these names
+    if is_lazy(values):
+        where = "algdiff.xarray.differentiate" if kind.__module__.startswith("xarray") else "algdiff.differentiate"
+        raise TypeError(f"{name} is lazy and would be computed whole: give it to {where}, or compute it first")
     if kind.__module__.partition(".")[0] in ("h5py", "zarr") and getattr(values, "nbytes", 0) > LARGEST:
         raise ValueError(
             f"{name} would be loaded whole, {getattr(values, 'nbytes', 0) / 2**30:.3g} GiB of it: take "
@@ -157,6 +160,12 @@ def plain(name: str, values: ArrayLike) -> Samples:
     except ValueError as error:
         raise ValueError(f"{name} must be an array of numbers: {error}") from None
     return array
+
+
+def is_lazy(values: object) -> bool:
+    """Return whether `values` are computed by Dask when they are needed; an xarray in memory also has the method."""
+    graph = getattr(type(values), "__dask_graph__", None)
+    return graph is not None and values.__dask_graph__() is not None  # type: ignore[attr-defined]
 
 
 def points(name: str, values: ArrayLike) -> tuple[Samples, tuple[int, ...]]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from algdiff import _arguments as arguments
+from algdiff import _dask as dask
 from algdiff import _orders as orders
 from algdiff._arguments import Samples
 from algdiff._differentiator import remembered
@@ -139,7 +140,8 @@ def differentiate(
     if t is not None and (delta is not None or fs is not None):
         raise ValueError("give t, delta or fs: got t and another")
     if window_length is None or window_duration is not None:
-        window_length = lasting(window_duration, window_length, t, arguments.sampling_step(delta, fs), degree, deriv)
+        step = arguments.sampling_step(delta, fs)
+        window_length = lasting(window_duration, window_length, dask.held(t), step, degree, deriv)
     design = remembered(window_length, deriv, degree, kappa, mu, tau, delay, delta, fs, rule, trim, engine)
     if design._crowded:
         design._warn()

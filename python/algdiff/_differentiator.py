@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from algdiff import _arguments as arguments
+from algdiff import _dask as dask
 from algdiff import _designs as designs
 from algdiff import _export as export
 from algdiff import _report as report
@@ -291,7 +292,8 @@ class Differentiator(Wishes, Filter):
             double precision; complex data as two real passes. What is not a contiguous array of native floats, in
             whatever order of its axes, is converted block by block: a memory map of a file may be longer than the
             memory. With any of the keywords from `t` to `autocovariance` it is copied whole if it is none. Not changed,
-            and not to be changed by others during the call.
+            and not to be changed by others during the call. A Dask array is not computed: what is returned is
+            lazy too, see `algdiff.dask`.
         axis : int
             The axis of time in `x`.
         mode : {"fit", "valid", "nan", "nearest", "mirror", "wrap", "constant"}
@@ -373,9 +375,11 @@ class Differentiator(Wishes, Filter):
         more = return_std or return_support or return_bias
         words = nan_policy != "propagate" or edge_window != "full"
         given = (t, at, window_duration, min_support, max_gain, weights, period, sigma, autocovariance)
-        if more or words or any(value is not None for value in given) or isinstance(x, np.ma.MaskedArray):
+        lazy = type(x) is not np.ndarray and dask.is_dask(x)
+        if lazy or more or words or any(value is not None for value in given) or isinstance(x, np.ma.MaskedArray):
             flags = (edge_window, nan_policy, return_std, return_support, return_bias)
-            return estimates(self, x, Call(axis, mode, cval, out, threads, progress), Wish(*given, *flags))
+            call, wish = Call(axis, mode, cval, out, threads, progress), Wish(*given, *flags)
+            return dask.differentiate(self, x, call, wish) if lazy else estimates(self, x, call, wish)
         return run(
             self._bank,
             self._plan,
