@@ -49,6 +49,8 @@ class Format(NamedTuple):
         try:
             return import_module(f"algdiff._formats.{self.name}")
         except ImportError as error:
+            if error.name != self.needs:
+                raise
             missing = f"{self.suffixes[0]} files need {self.needs}: pip install 'algdiff-rs[{self.name}]'"
             raise ImportError(f"{missing} ({error})") from None
 
@@ -122,9 +124,12 @@ def open_source(place: Located, options: Options) -> Source:
 def check(place: Located, layout: Layout) -> None:
     """Raise ValueError if the format of a place cannot hold a result, before anything is done."""
     if place.form.table:
-        layout.rows  # noqa: B018
+        suffix = place.path.suffix.lower()
+        if len(layout.shape) not in (1, 2):
+            shape = f"one or two dimensions, got shape {layout.shape}"
+            raise ValueError(f"a {suffix} OUT must have {shape}; write .npy or .npz")
         if layout.dtype.kind == "c":
-            raise ValueError(f"{place.given}: a {place.path.suffix} file holds real numbers, got dtype {layout.dtype}")
+            raise ValueError(f"a {suffix} OUT must hold real numbers, got dtype {layout.dtype}; write .npy or .npz")
     place.form.module.check(place.path, place.inner, layout)
 
 

@@ -34,6 +34,8 @@ class Options:
         Channels of a raw binary file, which alternate sample by sample; None makes it one-dimensional.
     offset : int
         Bytes before the first number of a raw binary file.
+    memory : int or None
+        Bytes that an array may take which can only be read whole; None sets no limit.
     """
 
     key: str | None = None
@@ -42,6 +44,7 @@ class Options:
     dtype: np.dtype[Any] | None = None
     channels: int | None = None
     offset: int = 0
+    memory: int | None = None
 
 
 class Source(ABC):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from io import BytesIO
 from pathlib import Path
 from typing import IO, Any
 
@@ -10,6 +11,9 @@ import numpy as np
 
 from algdiff._formats.base import Layout, Options, Place, Samples, Source, Target
 from algdiff._formats.regions import InPlace, Region
+
+HEADER = 10_000
+"""Bytes of the longest header that is read, as by NumPy."""
 
 
 def open_source(path: Path, inner: str | None, options: Options) -> Source:
@@ -42,29 +46,41 @@ class NpySource(Source):
 
 def read_header(file: IO[bytes], where: Path | str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     """Return shape, whether in Fortran order, and type; refuse what are no numbers. No pickle is ever loaded."""
-    from tokenize import TokenError
-
-    from numpy.lib import format as npy
-
     try:
-        version = npy.read_magic(file)
-        read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(version)
-        if read is None:
-            raise ValueError(f"format {version[0]}.{version[1]} is for named fields")
-        shape, fortran, dtype = read(file)
-    except (ValueError, EOFError, SyntaxError, TokenError, TypeError) as error:
-        raise ValueError(f"{where}: not a whole .npy array ({' '.join(str(error).split())})") from None
+        shape, fortran, dtype = _header(file)
+    except OSError:
+        raise
+    except Exception as error:  # a header is a Python expression, in which anything may be wrong
+        said = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(f"{where}: not a whole .npy array ({said})") from None
     if dtype.hasobject:
         raise ValueError(f"{where} must hold real or complex numbers, got Python objects")
     return check_numbers(where, tuple(shape), dtype), bool(fortran), dtype
 
 
+def _header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    from numpy.lib import format as npy
+
+    version = npy.read_magic(file)
+    if version not in ((1, 0), (2, 0)):
+        raise ValueError(f"format {version[0]}.{version[1]}, which is not for numbers without names")
+    size = file.read(2 if version == (1, 0) else 4)
+    length = int.from_bytes(size, "little")
+    if length > HEADER:
+        raise ValueError(f"a header of {length} bytes")
+    read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+    shape, fortran, dtype = read(BytesIO(size + file.read(length)))
+    return shape, fortran, dtype
+
+
 def check_numbers(where: Path | str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> tuple[int, ...]:
-    """Return `shape`; raise unless it has an axis and the type is one of numbers."""
+    """Return `shape`; raise unless the type is one of numbers, of which NumPy can hold that many."""
     if dtype.kind not in "biufc":
         raise ValueError(f"{where} must hold real or complex numbers, got dtype {dtype}")
-    if any(extent < 0 for extent in shape):
-        raise ValueError(f"{where}: not a whole array (shape {shape})")
+    try:
+        np.broadcast_to(np.zeros((), dtype), shape)
+    except (ValueError, TypeError) as error:
+        raise ValueError(f"{where}: not a whole array ({error})") from None
     return shape
 
 
