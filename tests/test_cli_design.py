@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from algdiff import _cli, _files, _report, _units
+from algdiff import _cli, _output, _report, _units
 from algdiff._cli import main
 from algdiff._differentiator import Differentiator
 
@@ -217,13 +217,13 @@ def test_other_units_are_refused(read: Any, text: str) -> None:
         (["--duration", "inf"], "duration must be finite and positive"),
         (["--notch", "600Hz", "--fs", 1000], "frequency must be below half the sampling rate"),
         (["--notch", 0.1, "--kappa", 2], "kappa and mu must be equal for a notch"),
-        (["--notch", 0.1, "--tau", "newest"], "tau must be 'center' for a notch"),
-        (["--for-delay", 10, "--tau", "newest"], "tau must be a point before the newest sample"),
+        (["--notch", 0.1, "--tau", "newest"], "--tau must be 'center' for a notch"),
+        (["--for-delay", 10, "--tau", "newest"], "--tau must be a point before the newest sample"),
         (["--for-delay", 10, "--delay", 5], "--delay cannot be given with --for-delay, got 5.0 and 10.0"),
-        (["--window", 3], "window_length must be at least degree + 1"),
-        (["--window", 20, "--rule", "simpson"], "window_length must be odd"),
-        (["--window", 20, "--trim", 0.7], "trim must be at least 0 and less than 1/2"),
-        (["--window", 20, "--fs", 0], "fs must be finite and positive"),
+        (["--window", 3], "--window: window_length must be at least degree + 1"),
+        (["--window", 20, "--rule", "simpson"], "--window: window_length must be odd"),
+        (["--window", 20, "--trim", 0.7], "--trim must be at least 0 and less than 1/2"),
+        (["--window", 20, "--fs", 0], "--fs must be finite and positive"),
         (["--window", 21, "--plot", "x.jpg"], "--plot must be a .png, .pdf or .svg FILE, got x.jpg"),
         (["--window", 21, "--plot", "x"], "--plot must be a .png, .pdf or .svg FILE, got x"),
         (["--window", 21, "--name", "d"], "--name is for --c, got --name d alone"),
@@ -328,7 +328,7 @@ def test_existing_files_are_kept(
     Path("taken.png").write_bytes(b"precious")
     other = "--c" if flag == "--plot" else "--plot"
     with monkeypatch.context() as patch:
-        patch.setattr(_files, "replacing", lambda *_: pytest.fail("wrote although a file exists"))
+        patch.setattr(_output, "replacing", lambda *_: pytest.fail("wrote although a file exists"))
         assert run("--window", 21, flag, "taken.png", other, "new.png") == 1 if flag == "--plot" else True
         assert run("--window", 21, flag, "taken.png") == 1
     assert set(capsys.readouterr().err.splitlines()) == {

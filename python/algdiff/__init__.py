@@ -12,25 +12,28 @@ Savitzky-Golay filter.
 True
 """
 
-from importlib.metadata import version as _version
+from __future__ import annotations
 
-from algdiff import paper
-from algdiff._choice import DelayTradeoff, delay_tradeoff, optimal_window
-from algdiff._core import InternalError
-from algdiff._differentiate import differentiate
-from algdiff._differentiator import Differentiator
-from algdiff._fields import hessian, laplacian, partial
-from algdiff._file import FileReport, differentiate_file
-from algdiff._gradient import gradient
-from algdiff._kernel import Asymptotes, Kernel
-from algdiff._noise import noise_level
-from algdiff._plot import plot_design, plot_kernel, plot_response
-from algdiff._results import Estimates
-from algdiff._savgol import savgol_coeffs, savgol_filter
-from algdiff._stream import Stream
-from algdiff._warnings import DesignWarning
+from typing import TYPE_CHECKING, Any
 
-__version__ = _version("algdiff-rs")
+if TYPE_CHECKING:
+    from algdiff import paper
+    from algdiff._choice import DelayTradeoff, delay_tradeoff, optimal_window
+    from algdiff._core import InternalError
+    from algdiff._differentiate import differentiate
+    from algdiff._differentiator import Differentiator
+    from algdiff._fields import hessian, laplacian, partial
+    from algdiff._file import FileReport, differentiate_file
+    from algdiff._gradient import gradient
+    from algdiff._kernel import Asymptotes, Kernel
+    from algdiff._noise import noise_level
+    from algdiff._plot import plot_design, plot_kernel, plot_response
+    from algdiff._results import Estimates
+    from algdiff._savgol import savgol_coeffs, savgol_filter
+    from algdiff._stream import Stream
+    from algdiff._warnings import DesignWarning
+
+    __version__: str
 
 __all__ = [
     "Asymptotes",
@@ -59,3 +62,53 @@ __all__ = [
     "savgol_coeffs",
     "savgol_filter",
 ]
+
+_HOMES = {
+    "Asymptotes": "_kernel",
+    "DelayTradeoff": "_choice",
+    "DesignWarning": "_warnings",
+    "Differentiator": "_differentiator",
+    "Estimates": "_results",
+    "FileReport": "_file",
+    "InternalError": "_core",
+    "Kernel": "_kernel",
+    "Stream": "_stream",
+    "delay_tradeoff": "_choice",
+    "differentiate": "_differentiate",
+    "differentiate_file": "_file",
+    "gradient": "_gradient",
+    "hessian": "_fields",
+    "laplacian": "_fields",
+    "noise_level": "_noise",
+    "optimal_window": "_choice",
+    "partial": "_fields",
+    "plot_design": "_plot",
+    "plot_kernel": "_plot",
+    "plot_response": "_plot",
+    "savgol_coeffs": "_savgol",
+    "savgol_filter": "_savgol",
+}
+"""Where names come from; they are imported when they are asked for. ``algdiff --help`` needs none, nor NumPy."""
+
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        from importlib import import_module
+
+        if name in _HOMES:
+            value = getattr(import_module(f"algdiff.{_HOMES[name]}"), name)
+        elif name == "paper":
+            value = import_module("algdiff.paper")
+        elif name == "__version__":
+            from importlib.metadata import version
+
+            value = version("algdiff-rs")
+        else:
+            raise AttributeError(f"module 'algdiff' has no attribute {name!r}")
+        globals()[name] = value
+        return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -46,12 +46,12 @@ def add(verb: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Design, write the files, and print the table or JSON."""
-    from algdiff import _files, _report
+    from algdiff import _output, _report
 
     form = _check_arguments(options)
     wanted = [path for path in (options.plot, options.c) if path is not None]
     for path in wanted:
-        _files.check_output(path, options.overwrite)
+        _output.check_output(path, options.overwrite)
     design = _design(options)
     contents = {}
     if options.c is not None:
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> None:
     if options.plot is not None:
         contents[options.plot] = _picture(design, form)
     for path in wanted:
-        with _files.replacing(path, options.overwrite) as file:
+        with _output.replacing(path, options.overwrite) as file:
             file.write(contents[path])
         print(f"wrote {path}", file=sys.stderr)
     if options.json:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import csv
 import os
 import sys
@@ -10,9 +9,10 @@ from io import StringIO
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
-from algdiff._cli import UsageError, add_design, design_by
+from algdiff._cli import UsageError, add_design, design_by, orders
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Iterator
 
     from numpy.typing import NDArray
@@ -53,15 +53,6 @@ def add(verb: argparse.ArgumentParser) -> None:
     option("--std", action="store_true", help="print the standard deviation of each estimate, too")
     option("--sigma", type=float, metavar="X", help="level of the noise, for --std; default: 1")
     add_design(verb, orders, "N[,N]")
-
-
-def orders(text: str) -> int | tuple[int, ...]:
-    """Read one order, or several with commas between them."""
-    try:
-        found = tuple(map(int, text.split(",")))
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"must be an order like 1 or several like 0,1,2, got {text!r}") from None
-    return found if len(found) > 1 else found[0]
 
 
 def run(options: argparse.Namespace) -> None:

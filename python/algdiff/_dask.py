@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from algdiff import _arguments as arguments
 from algdiff import _threads as threads_of
 from algdiff._core import Plan
-from algdiff._dask_blocks import Blocks, estimated
 from algdiff._data import placed
 from algdiff._results import Estimates
+from algdiff._row_parts import Blocks, estimated
 from algdiff._run import run
 from algdiff._times import Stamps
 from algdiff._wish import Call, Windows, Wish, limits

@@ -8,7 +8,7 @@ from importlib import import_module
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from algdiff import Differentiator, _files
+from algdiff import Differentiator, _output
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -172,7 +172,7 @@ def _save(path: Path, theta: Samples, delta: float, ours: Estimates) -> None:
 
     arrays: dict[str, Any] = {"t": delta * np.arange(len(theta)), "theta": theta}
     arrays.update(zip(NAMES, ours[:3], strict=True))
-    with _files.replacing(path, overwrite=True) as file:
+    with _output.replacing(path, overwrite=True) as file:
         np.savez(file, **arrays)
     print(f"wrote {path} ({', '.join(arrays)})")
 
@@ -202,7 +202,7 @@ def _draw(path: Path, theta: Samples, delta: float, ours: Estimates, law: Law) -
         row[0].axvspan(*ZOOM, color="C1", alpha=0.25, linewidth=0)
         row[0].legend(loc="upper right", fontsize="small")
     figure.suptitle(f"Pendulum, window {WINDOW_LENGTH} samples ({WINDOW_LENGTH * delta:g} s), degree {DEGREE}")
-    with _files.replacing(path, overwrite=True) as file:
+    with _output.replacing(path, overwrite=True) as file:
         figure.savefig(file, format="png", dpi=130)
     print(f"wrote {path}")
 

@@ -15,7 +15,7 @@ from algdiff import _arguments as arguments
 from algdiff import _formats as formats
 from algdiff import _threads as threads_of
 from algdiff._differentiator import Differentiator
-from algdiff._file_run import Job, Spec, run
+from algdiff._file_run import PLAIN, Job, Missing, Spec, run
 from algdiff._formats.base import Options
 from algdiff._output import check_output
 from algdiff._run import MODES
@@ -123,6 +123,9 @@ def differentiate_file(
     axis: int | None = None,
     mode: str = "fit",
     cval: complex = 0.0,
+    nan_policy: str = "propagate",
+    min_support: SupportsIndex | None = None,
+    max_gain: float | None = None,
     columns: Sequence[str | int] | None = None,
     time: str | int | None = None,
     key: str | None = None,
@@ -162,6 +165,8 @@ def differentiate_file(
         The axis of time; by default the rows of tables and the samples of raw and audio files, and else the last.
     mode, cval
         What happens at the ends; see `differentiate`.
+    nan_policy, min_support, max_gain
+        What missing samples do; see `differentiate`. Windows that are fitted agree with those in memory to rounding.
     columns : sequence of str or int, optional
         Columns of a table, by name or by position from 0; by default all that hold numbers.
     time : str or int, optional
@@ -243,6 +248,9 @@ def asked(
     dtype: Any,
     channels: Any,
     offset: Any,
+    nan_policy: Any,
+    min_support: Any,
+    max_gain: Any,
     **words: Any,
 ) -> FileReport:
     """Do what `differentiate_file` does, all of whose arguments are given, by a `runner` (see `differentiate_with`)."""
@@ -261,6 +269,7 @@ def asked(
         src,
         dst,
         step=given,
+        missing=Missing(nan_policy, min_support, max_gain),
         runner=runner,
         **words,
     )
@@ -279,6 +288,7 @@ def differentiate_with(
     overwrite: bool = False,
     resume: bool = False,
     dry_run: bool = False,
+    missing: Missing = PLAIN,
     memory: int = MEMORY,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -299,7 +309,7 @@ def differentiate_with(
         along = arguments.axis_index(source.axis if axis is None else axis, len(source.shape))
         known = source.step_along(along) if step is None else step
         design = make(known)
-        job = Job(source, Spec(origin, target, options, design, along, mode, cval, known is not None, memory))
+        job = Job(source, Spec(origin, target, options, design, along, mode, cval, known is not None, memory, missing))
         resumed = 0
         if dry_run:
             seconds = _estimate(job, threads)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -21,6 +23,8 @@ from algdiff._formats.stage import Stage
 from algdiff._journal import Journal
 from algdiff._output import publish, remove
 from algdiff._places import Cuts, TooLargeError
+from algdiff._row_parts import Blocks
+from algdiff._wish import Call, Windows, Wish, limits
 
 if TYPE_CHECKING:
     from algdiff import Differentiator
@@ -31,6 +35,18 @@ INTERVAL = 0.5
 
 RESERVE = 192 << 20
 """Bytes of memory that are not for buffers: the interpreter, libraries, what readers keep."""
+
+
+class Missing(NamedTuple):
+    """What missing samples do; see `Differentiator`."""
+
+    nan_policy: str = "propagate"
+    min_support: int | None = None
+    max_gain: float | None = None
+
+
+PLAIN = Missing()
+"""They make NaN of every window that holds one."""
 
 
 class Spec(NamedTuple):
@@ -54,6 +70,8 @@ class Spec(NamedTuple):
         Whether the step of the design is known, from the caller or the file.
     memory : int
         Bytes that the run may use.
+    missing : Missing
+        What missing samples do.
     """
 
     origin: formats.Located
@@ -65,6 +83,7 @@ class Spec(NamedTuple):
     cval: complex
     stated: bool
     memory: int
+    missing: Missing = PLAIN
 
 
 class Job:
@@ -119,18 +138,41 @@ class Job:
             attributes=source.attributes,
         )
         formats.check(spec.target, self.layout)
+        self.fits = self._fits(samples)
         self.cuts = self._cut(spec.memory)
+
+    def _fits(self, samples: int) -> Blocks | None:
+        """Return what fits windows with missing samples, if anything but NaN is asked of them."""
+        missing = self.spec.missing
+        if missing == PLAIN:
+            return None
+        wish = Wish(
+            None,
+            None,
+            None,
+            missing.min_support,
+            missing.max_gain,
+            *(None,) * 4,
+            "full",
+            missing.nan_policy,
+            *(False,) * 3,
+        )
+        call = Call(self.axis, self.mode, self.cval, None, None, None)
+        limits(self.design, Windows(), samples, call, wish)
+        halo = (0, 0)  # which samples come with a block is said of each
+        return Blocks(self.design, samples, self.axis, halo, Windows(), call, wish, [], False, self.source.dtype)
 
     def _cut(self, memory: int) -> Cuts:
         orders, layout = len(self.layout.orders), self.layout
+        copies = 2 if self.fits is None else 5
         grain = formats.grain(self.target, layout)
         try:
             return Cuts(
                 layout.shape,
                 self.axis,
                 self.row,
-                # Two of each: one is filled while the other is used.
-                cost=2 * self.source.dtype.itemsize + 2 * orders * layout.dtype.itemsize,
+                # Two of each: one is filled while the other is used. Fits take copies.
+                cost=copies * self.source.dtype.itemsize + copies * orders * layout.dtype.itemsize,
                 budget=max(memory - RESERVE, memory // 4),
                 fortran=layout.fortran,
                 units=grain or self.source.chunks,
@@ -153,9 +195,10 @@ class Job:
         return {
             "version": version("algdiff-rs"),
             "input": [str(Path(source.path).resolve()), *source.stamp()],
+            "reading": [self.spec.origin.inner, *map(str, astuple(self.spec.options))],
             "array": [list(source.shape), source.dtype.str, source.fortran, list(source.names or ()), source.time],
             "design": design._asked,
-            "call": [self.axis, self.mode, str(self.cval)],
+            "call": [self.axis, self.mode, str(self.cval), self.spec.stated, *self.spec.missing],
             "output": [list(self.layout.full_shape), self.layout.dtype.str, self.target.inner, self.layout.key],
             "blocks": [list(self.cuts.extents), len(self.cuts)],
         }
@@ -194,7 +237,13 @@ class Job:
     def compute(self, place: Place, x: Samples, result: Samples, threads: int, progress: Progress | None) -> None:
         """Differentiate the samples that `read` gave into `result`, which has a leading axis over the orders."""
         start, _ = self.reads(place)
-        options: dict[str, Any] = {"start": start, "first": place[self.axis].start}
+        first, last = place[self.axis].start, place[self.axis].stop
+        if self.fits is not None:
+            self.fits.call = self.fits.call._replace(threads=threads or None, progress=progress)
+            found = self.fits.fitted(x, {}, first, last, start)
+            result[...] = found if self.layout.leading else found[np.newaxis]
+            return
+        options: dict[str, Any] = {"start": start, "first": first}
         bank = self.design._bank
         run_part(bank, self.row, x, result, self.axis, self.cval, threads=threads, progress=progress, **options)
 
@@ -268,23 +317,56 @@ def run(
     interrupted or the disk is full.
     """
     final = Path(os.path.realpath(job.target.path))
-    journal = Journal(final.with_name(final.name + ".partial"), job.header(), resume=resume, overwrite=overwrite)
+    with _naming(job.target.given):
+        journal = Journal(final.with_name(final.name + ".partial"), job.header(), resume=resume, overwrite=overwrite)
     before = journal.done
     try:
         _Pipeline(job, journal, threads_of.count(threads), progress).run()
         with _naming(job.target.given):
             _finish(job, journal, final, overwrite)
-    except (KeyboardInterrupt, OSError, MemoryError):
-        if journal.done:
-            journal.close()
-        else:
+    except (KeyboardInterrupt, OSError, MemoryError) as error:
+        if not journal.done or not journal.partial.exists():
             journal.remove()
-        raise
+            raise
+        journal.close()
+        raise _kept(error, job, journal) from error
     except BaseException:
         journal.remove()
         raise
     journal.remove()
     return before
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C in a run of which something is kept.
+
+    Attributes
+    ----------
+    done, total : int
+        Blocks that are finished, and all.
+    """
+
+    def __init__(self, said: str, done: int, total: int) -> None:
+        super().__init__(said)
+        self.done, self.total = done, total
+
+
+def _kept(error: KeyboardInterrupt | OSError | MemoryError, job: Job, journal: Journal) -> BaseException:
+    """Return the error with what is kept of its run, and how to go on."""
+    beside = Path(f"{job.target.path}.partial")
+    # A link is followed, and what is kept lies beside what it points at.
+    path = beside if os.path.realpath(beside) == str(journal.partial) else journal.partial
+    if isinstance(error, KeyboardInterrupt):
+        done, total = journal.done, len(job.cuts)
+        said = f"{100 * done // total} % of {job.target.given} is kept in {path}: go on with resume=True"
+        return Interrupted(said, done, total)
+    room = "make room and " if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT) else ""
+    hint = f"what is finished is kept in {path}: {room}go on with resume=True"
+    if isinstance(error, OSError) and error.errno is not None:
+        said = f"{error.strerror}" if error.filename is None else f"{error.filename}: {error.strerror}"
+        return OSError(error.errno, f"{said}; {hint}")
+    kinds = (MemoryError, FileExistsError, OSError)
+    return next(kind for kind in kinds if isinstance(error, kind))(f"{error}; {hint}")
 
 
 def _finish(job: Job, journal: Journal, final: Path, overwrite: bool) -> None:
@@ -309,10 +391,11 @@ def _naming(path: str, verb: str = "written") -> Iterator[None]:
     """Let errors of the system name the file and what could not be done."""
     try:
         yield
-    except FileExistsError:
+    except (FileExistsError, BlockingIOError):
         raise
     except OSError as error:
-        raise OSError(error.errno, f"{path}: cannot be {verb} ({error.strerror or error})") from None
+        said = f"{path}: cannot be {verb} ({error.strerror or error})"
+        raise (OSError(said) if error.errno is None else OSError(error.errno, said)) from None
 
 
 class _Pipeline:

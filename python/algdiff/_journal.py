@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import warnings
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +17,8 @@ class Journal:
     """The journal of one run: what was asked for, and after every checkpoint how many blocks are safe.
 
     The first line says what the run reads and does; another run goes on from here only if it would say the same to the
-    letter. Every other line holds the blocks that are finished and durable, and what the output needs to go on
-    there. A line that a crash cut off does not count. While a run has the file open, it is locked.
+    letter. Every other line holds the blocks that are finished and durable, what the output needs to go on there,
+    and how long it was. A line that a crash cut off does not count. While a run has the file open, it is locked.
 
     Parameters
     ----------
@@ -45,26 +47,44 @@ class Journal:
     def __init__(self, partial: Path, header: dict[str, Any], *, resume: bool, overwrite: bool) -> None:
         self.partial, self.path = partial, partial.with_name(partial.name + ".journal")
         self.done = self.mark = 0
-        left = os.path.lexists(partial)
-        if left and not (resume or overwrite):
-            raise FileExistsError(
-                f"{partial}: left by a run that was stopped; give resume=True to go on, overwrite=True to begin again"
-            )
-        self.file = open(os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666), "r+", encoding="utf-8")  # noqa: SIM115
+        self._open()
         try:
-            self._lock()
-            line = json.dumps(header, sort_keys=True) + "\n"
+            left = os.path.lexists(partial)
+            if left and not (resume or overwrite):
+                raise FileExistsError(
+                    f"{partial}: left by a run that was stopped; give resume=True to go on, overwrite=True to begin "
+                    "again"
+                )
+            line = (json.dumps(header, sort_keys=True) + "\n").encode()
             if left and resume:
-                self._believe(line)
+                self._believe(line, header["blocks"][-1])
             if not self.done:
                 remove(partial)
-                self.file.seek(0)
-                self.file.truncate()
-                self.file.write(line)
-                self._flush()
+                self.file.truncate(0)
+                self.end = 0
+                self._append(line)
         except BaseException:
+            if os.fstat(self.file.fileno()).st_size == self.end == 0:
+                self.path.unlink(missing_ok=True)
             self.file.close()
             raise
+
+    def _open(self) -> None:
+        """Open the journal and lock it."""
+        while True:
+            # Without a buffer, which would be written once more when a full disk let it fail.
+            self.file = open(os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666), "r+b", buffering=0)  # noqa: SIM115
+            self.end = 0
+            try:
+                self._lock()
+                with suppress(FileNotFoundError):
+                    if os.path.samestat(os.fstat(self.file.fileno()), os.stat(self.path)):
+                        return
+            except BaseException:
+                self.file.close()
+                raise
+            # A run that ended meanwhile took its journal away.
+            self.file.close()
 
     def _lock(self) -> None:
         try:
@@ -73,36 +93,53 @@ class Journal:
             return
         try:
             fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+        except BlockingIOError:
             raise BlockingIOError(f"{self.partial}: is being written by another run") from None
+        except OSError:  # nor on that file system
+            return
 
-    def _believe(self, line: str) -> None:
+    def _believe(self, line: bytes, blocks: int) -> None:
         """Take over what an earlier run wrote, if it was the same run."""
-        first, *rest = self.file.read().split("\n")
-        if first + "\n" != line:
+        first, *rest = self.file.read().split(b"\n")
+        if first + b"\n" != line:
             warnings.warn(f"{self.partial}: {_difference(first, line)}: beginning again", stacklevel=2)
             return
         # What follows the last line end was cut off.
         notes = rest[:-1]
         try:
-            marks = [(int(done), int(mark)) for done, mark in map(str.split, notes)]
+            marks = [(int(done), int(mark), int(size)) for done, mark, size in map(bytes.split, notes)]
         except ValueError:
+            marks = [(-1, 0, 0)]
+        finished = [0, *(done for done, _, _ in marks), blocks + 1]
+        if any(before >= after for before, after in itertools.pairwise(finished)):
             warnings.warn(f"{self.partial}: its journal cannot be read: beginning again", stacklevel=2)
             return
-        if marks:
-            self.done, self.mark = marks[-1]
-        self.file.seek(len((first + "\n").encode()) + sum(len(note) + 1 for note in notes))
-        self.file.truncate()
+        if not marks:
+            return
+        done, mark, size = marks[-1]
+        if self._size() < size:
+            warnings.warn(f"{self.partial}: is shorter than its journal says: beginning again", stacklevel=2)
+            return
+        self.done, self.mark = done, mark
+        self.end = len(line) + sum(len(note) + 1 for note in notes)
+
+    def _size(self) -> int:
+        """Return the bytes of the unfinished output; those of a store are not counted."""
+        return self.partial.stat().st_size if self.partial.is_file() else 0
 
     def note(self, done: int, mark: int) -> None:
         """Note that the first `done` blocks are durable."""
-        self.file.write(f"{done} {mark}\n")
-        self._flush()
+        self._append(f"{done} {mark} {self._size()}\n".encode())
         self.done, self.mark = done, mark
 
-    def _flush(self) -> None:
-        self.file.flush()
+    def _append(self, line: bytes) -> None:
+        """Write a line durably, over what is left of one that failed."""
+        self.file.seek(self.end)
+        rest = line
+        while rest:
+            rest = rest[self.file.write(rest) :]
         os.fsync(self.file.fileno())
+        self.end += len(line)
 
     def close(self) -> None:
         """Leave what there is for a later run."""
@@ -115,7 +152,7 @@ class Journal:
         self.file.close()
 
 
-def _difference(first: str, line: str) -> str:
+def _difference(first: bytes, line: bytes) -> str:
     """Say what differs between two headers."""
     try:
         before, now = json.loads(first), json.loads(line)

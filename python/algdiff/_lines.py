@@ -96,10 +96,10 @@ class Lines:
 
     def _begin(self, line: bytes) -> bool:
         """Recognise the columns by the first line; return whether that is a header."""
-        from algdiff._files import _first_row
+        from algdiff._formats.text import first_row
 
         text = line.decode(errors="surrogateescape").strip(" \r")
-        mark, fields = _first_row(text)
+        mark, fields = first_row(text)
         delimiter = mark if len(fields) > 1 else None
         if delimiter is None:
             fields = tuple(text.split())
@@ -110,7 +110,7 @@ class Lines:
         if self._header is not None:
             text, delimiter, names = self._header
             if delimiter is None and len(fields) == 1:  # a name with spaces in it
-                names = _first_row(text)[1]
+                names = first_row(text)[1]
             fields = names
         if self.timed and len(fields) < 2:
             raise ValueError(f" must hold a time and at least one sample, got {len(fields)} column")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from algdiff import Differentiator, _demo, _files
+from algdiff import Differentiator, _demo, _output
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -144,7 +144,7 @@ def _save(path: Path, y: Samples, shown: dict[tuple[str, str], Estimates]) -> No
     for (key, rule), estimates in shown.items():
         for name, array in zip(("t", "estimate", "truth"), estimates, strict=True):
             arrays[f"{key}_{rule}_{name}"] = array
-    with _files.replacing(path, overwrite=True) as file:
+    with _output.replacing(path, overwrite=True) as file:
         np.savez(file, **arrays)
     print(f"wrote {path} (t, x, y; t, estimate and truth of every curve by both rules)")
 
@@ -177,6 +177,6 @@ def _draw(path: Path, y: Samples, curves: list[Estimates]) -> None:
         axes.set_xlim(0, TIMES[-1])
     for axes in (third, fourth):
         axes.set_xlabel("time, s")
-    with _files.replacing(path, overwrite=True) as file:
+    with _output.replacing(path, overwrite=True) as file:
         figure.savefig(file, format="png", dpi=90)
     print(f"wrote {path}")

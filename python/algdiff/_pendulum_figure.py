@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from algdiff import Stream, _demo, _files
+from algdiff import Stream, _demo, _output
 from algdiff import _pendulum as loop
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def _shown(done: loop.Run, past: Samples) -> dict[str, Samples]:
 
 def _save(path: Path, shown: dict[str, Samples]) -> None:
     arrays: dict[str, Any] = dict(shown)
-    with _files.replacing(path, overwrite=True) as file:
+    with _output.replacing(path, overwrite=True) as file:
         np.savez(file, **arrays)
     print(f"wrote {path} ({', '.join(shown)})")
 
@@ -169,6 +169,6 @@ def _draw(path: Path, shown: dict[str, Samples]) -> None:
     for axes in grid[-1]:
         axes.set_xlabel("time, s")
     figure.suptitle(f"Reference {name}: upright and back; white noise of {deviation:g} rad on the output")
-    with _files.replacing(path, overwrite=True) as file:
+    with _output.replacing(path, overwrite=True) as file:
         figure.savefig(file, format="png", dpi=80)
     print(f"wrote {path}")

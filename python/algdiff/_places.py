@@ -76,6 +76,8 @@ class Cuts:
     ) -> None:
         self.shape, self.axis, self.row, self.fortran = shape, axis, row, fortran
         self.unit = units[axis] if units is not None and chunked else row.grid
+        # Windows start on the grid, counted from the first sample: that makes the first block longer.
+        self.before = 0 if chunked else row.center % row.grid
         extents = [
             extent if rows else min(unit, extent) for extent, unit in zip(shape, units or [1] * len(shape), strict=True)
         ]
@@ -94,20 +96,18 @@ class Cuts:
                 # Neighbours closer than those in time as far as memory reaches, others as far as blocks stay small.
                 self._widen(extents, index, cost, budget if nearer else target)
         self.extents = tuple(extents)
-        # Windows start on the grid, counted from the first sample: that makes the first block longer.
-        self.before = 0 if chunked else row.center % row.grid
-        extents[axis] = min(extents[axis] + self.before, shape[axis])
         self.bytes = self._need(extents, cost)
 
     def _need(self, extents: Sequence[int], cost: int) -> int:
-        along = extents[self.axis] + self.row.span
+        along = min(extents[self.axis] + self.before, max(self.shape[self.axis], 1)) + self.row.span
         return cost * along * math.prod(extents[: self.axis]) * math.prod(extents[self.axis + 1 :])
 
     def _lengthen(self, extents: list[int], cost: int, limit: int) -> None:
-        least = extents[self.axis]
-        per = self._need(extents, cost) // (least + self.row.span)
-        length = (limit // max(per, 1) - self.row.span) // self.unit * self.unit
-        extents[self.axis] = min(max(length, least), max(self.shape[self.axis], 1))
+        least, most = extents[self.axis], max(self.shape[self.axis], 1)
+        per = cost * math.prod(extents[: self.axis]) * math.prod(extents[self.axis + 1 :])
+        room = limit // max(per, 1) - self.row.span
+        length = most if room >= most else (room - self.before) // self.unit * self.unit
+        extents[self.axis] = min(max(length, least), most)
 
     def _widen(self, extents: list[int], index: int, cost: int, limit: int) -> None:
         if any(extents[other] < self.shape[other] for other in self._nearer(index)):

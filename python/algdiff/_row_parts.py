@@ -1,4 +1,4 @@
-"""Blocks of lazy arrays: what a task computes of the samples of its block and of their halo."""
+"""Blocks of lazy arrays and of files: what is computed of the samples of a block and of their halo."""
 
 from __future__ import annotations
 
@@ -125,14 +125,17 @@ class Blocks:
     def along(self, start: int, end: int) -> tuple[slice, ...]:
         return (*(slice(None),) * self.axis, slice(start, end))
 
-    def fitted(self, x: Samples, beside: dict[str, NDArray[Any]], first: int, last: int) -> Samples:
-        """Return all that is asked for as rows of one array: estimates, standard deviations, biases, support."""
+    def fitted(self, x: Samples, beside: dict[str, NDArray[Any]], first: int, last: int, start: int) -> Samples:
+        """Return all that is asked for as rows of one array: estimates, standard deviations, biases, support.
+
+        `x` holds the samples from `start` on.
+        """
         call = self.call
         data = _Rows(x, beside, self, call)
         found = data.restored(
             [_Job(data, constant, call, data.wish).run(values) for values, constant in data.parts], call
         )
-        offset = 0 if data.valid else first - self.start(first)
+        offset = 0 if data.valid else first - start
         place = (slice(None), *self.along(offset, offset + last - first))
         parts = [part for part in (found.estimate, found.std, found.bias, found.support) if part is not None]
         rows = [(part[np.newaxis] if part.ndim == x.ndim else part)[place] for part in parts]
@@ -168,5 +171,5 @@ def estimated(x: Samples, *beside: Samples, blocks: Blocks, block_info: Any = No
     """Return the outputs of one block; `beside` its samples come their times, weights or levels of noise."""
     first, last = (int(place) for place in block_info[None]["array-location"][blocks.axis + blocks.leading])
     if blocks.fits:
-        return blocks.fitted(x, dict(zip(blocks.names, beside, strict=True)), first, last)
+        return blocks.fitted(x, dict(zip(blocks.names, beside, strict=True)), first, last, blocks.start(first))
     return blocks.slid(x, first, last)
