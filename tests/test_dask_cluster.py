@@ -25,6 +25,11 @@ import numpy as np
 from dask.distributed import Client, LocalCluster
 
 import algdiff
+from algdiff import _dask_paths
+from algdiff._file_run import Spec
+from algdiff._formats import located
+from algdiff._formats.base import Options
+from algdiff.dask import differentiate_paths
 
 HERE = Path(sys.argv[1])
 
@@ -102,6 +107,91 @@ def one_thread_in_a_task(client):
     return client.submit(_threads.count, None).result(timeout=60) == 1
 
 
+def saved(name, x):
+    np.save(HERE / name, x)
+    return HERE / name
+
+
+def regions(client):
+    # Far from the grid, several channels, columns, orders, a Fortran order, around the ends.
+    rng = np.random.default_rng(1)
+    for shape, axis, order, one, mode in [
+        ((3, 90_000), 1, "C", design("newest"), "fit"),
+        ((90_000, 3), 0, "C", design(0.0, deriv=(1, 2)), "valid"),
+        ((3, 90_000), 1, "F", design(0.37), "wrap"),
+    ]:
+        x = np.asarray(rng.standard_normal(shape), order=order)
+        words = {name: getattr(one, name) for name in ("deriv", "tau", "engine")}
+        report = differentiate_paths(
+            client, saved("x.npy", x), HERE / "y.npy", 101, axis=axis, mode=mode, memory=1 << 21, overwrite=True, **words
+        )
+        found = np.load(HERE / "y.npy")
+        if report.blocks < 4 or found.tobytes() != np.ascontiguousarray(one(x, axis, mode=mode)).tobytes():
+            return (shape, mode, report)
+    return os.listdir(HERE).count("y.npy.partial") == 0
+
+
+def regions_of_a_store(client):
+    zarr = __import__("zarr")
+    x = np.random.default_rng(2).standard_normal((4, 600_000))
+    zarr.save_array(HERE / "x.zarr", x)
+    report = differentiate_paths(client, HERE / "x.zarr", HERE / "y.zarr", 101, engine="direct", memory=1 << 26)
+    return report.blocks > 1 and zarr.load(HERE / "y.zarr").tobytes() == design()(x).tobytes()
+
+
+def few_words_for_regions(client):
+    options, cuts = Options(), [(k, k + 1) for k in range(256)]
+    places = [located("src", "/a/folder/x.npy"), located("dst", "/a/folder/y.npy")]
+    spec = Spec(*places, options, design(window_length=10_001), 0, "fit", 0.0, True, 1 << 29)
+    tasks = _dask_paths.tasks(_dask_paths.Common(spec, "/a/folder/y.npy.partial", [1, 2], None), cuts)
+    graph = {key: value for task in tasks for key, value in dict(task.__dask_graph__()).items()}
+    return len(graph) == 257 and len(cloudpickle.dumps(graph)) < 50_000
+
+
+def flat_memory(client):
+    peaks = []
+    for samples in (4_000_000, 12_000_000):
+        path = HERE / "long.npy"
+        with path.open("wb") as file:
+            np.lib.format.write_array_header_1_0(file, {"descr": "<f8", "fortran_order": False, "shape": (samples,)})
+            file.truncate(file.tell() + 8 * samples)
+        differentiate_paths(client, path, HERE / "y.npy", 101, memory=1 << 26, overwrite=True)
+        peaks.append(max(client.run(peak).values()))
+    return peaks[1] < 1.1 * peaks[0] or peaks
+
+
+def peak():
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
+
+
+def an_input_that_changes(client):
+    path, other = saved("x.npy", np.zeros(200_000)), saved("other.npy", np.ones(200_000))
+    try:
+        differentiate_paths(
+            client, path, HERE / "z.npy", 101, memory=1 << 21, progress=lambda _: os.replace(other, path)
+        )
+    except ValueError as error:
+        left = list(HERE.glob("z.npy*"))
+        return ("was changed" in str(error) and not left) or (str(error), left)
+
+
+def a_worker_killed_between_regions(client):
+    x = np.random.default_rng(3).standard_normal(600_000)
+    victims = sorted(client.run(os.getpid).values())
+    killed = []
+
+    def kill(fraction):
+        if not killed:
+            killed.append(fraction)
+            os.kill(victims[0], signal.SIGKILL)
+
+    words = {"engine": "direct", "memory": 1 << 23, "overwrite": True}
+    report = differentiate_paths(client, saved("x.npy", x), HERE / "y.npy", 20_001, progress=kill, **words)
+    same = np.load(HERE / "y.npy").tobytes() == algdiff.differentiate(x, 20_001, engine="direct").tobytes()
+    return same and report.blocks > 4 and killed[0] < 0.5
+
+
 def a_killed_worker(client):
     samples, chunk, one = 40_000, 1000, design()
     expected = one(source(samples, chunk).compute(scheduler="synchronous"))
@@ -126,7 +216,13 @@ CHECKS = [
     a_small_graph,
     a_small_task,
     one_thread_in_a_task,
-    a_killed_worker,  # the last, for it costs a worker
+    regions,
+    regions_of_a_store,
+    few_words_for_regions,
+    flat_memory,
+    an_input_that_changes,
+    a_worker_killed_between_regions,  # the last, for they cost workers
+    a_killed_worker,
 ]
 
 if __name__ == "__main__":
@@ -149,6 +245,12 @@ CHECKS = (
     "a_small_graph",
     "a_small_task",
     "one_thread_in_a_task",
+    "regions",
+    "regions_of_a_store",
+    "few_words_for_regions",
+    "flat_memory",
+    "an_input_that_changes",
+    "a_worker_killed_between_regions",
     "a_killed_worker",
 )
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from algdiff import _formats as formats
 from algdiff import _threads as threads_of
-from algdiff._file_run import Job, Spec
+from algdiff._file_run import Job, Spec, ending
 from algdiff._journal import Journal
 from algdiff._output import publish
 
@@ -76,7 +76,7 @@ def run(
     final = Path(os.path.realpath(job.target.path))
     journal = Journal(final.with_name(final.name + ".partial"), job.header(), resume=resume, overwrite=overwrite)
     before = journal.done
-    try:
+    with ending(job, journal):
         if not before:
             formats.create(job.target, journal.partial, job.layout).close()
         common = Common(_everywhere(job.spec), str(journal.partial), job.source.stamp(), threads)
@@ -84,13 +84,6 @@ def run(
         if job.source.stamp() != common.stamp:
             raise ValueError(f"{job.source.path}: was changed while it was read; nothing was written")
         publish(journal.partial, final, overwrite)
-    except BaseException:
-        if journal.done:
-            journal.close()
-        else:
-            journal.remove()
-        raise
-    journal.remove()
     return before
 
 
@@ -109,7 +102,7 @@ def tasks(common: Common, bounds: Sequence[tuple[int, int]]) -> list[Any]:
 
 
 def _work(client: Any, common: Common, journal: Journal, blocks: int, progress: Progress | None) -> None:
-    from distributed import as_completed
+    from distributed import KilledWorker, as_completed
 
     todo = blocks - journal.done
     if not todo:
@@ -129,5 +122,7 @@ def _work(client: Any, common: Common, journal: Journal, blocks: int, progress: 
                 journal.note(safe, 0)
             if progress is not None:
                 progress(finished / count)
+    except KilledWorker as error:
+        raise OSError(f"{common.spec.target.given}: its workers were lost again and again ({error})") from None
     finally:
         client.cancel(futures)

@@ -320,10 +320,18 @@ def run(
     with _naming(job.target.given):
         journal = Journal(final.with_name(final.name + ".partial"), job.header(), resume=resume, overwrite=overwrite)
     before = journal.done
-    try:
+    with ending(job, journal):
         _Pipeline(job, journal, threads_of.count(threads), progress).run()
         with _naming(job.target.given):
             _finish(job, journal, final, overwrite)
+    return before
+
+
+@contextmanager
+def ending(job: Job, journal: Journal) -> Iterator[None]:
+    """Take away the journal of a run that is finished or in vain; leave it if there is something to go on with."""
+    try:
+        yield
     except (KeyboardInterrupt, OSError, MemoryError) as error:
         if not journal.done or not journal.partial.exists():
             journal.remove()
@@ -334,7 +342,6 @@ def run(
         journal.remove()
         raise
     journal.remove()
-    return before
 
 
 class Interrupted(KeyboardInterrupt):
