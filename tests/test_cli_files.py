@@ -336,7 +336,7 @@ def test_header_that_promises_too_much(capsys):
 def test_a_number_is_no_recording(capsys):
     np.save("x.npy", 1.0)
     assert run("x.npy", "y.csv") == 1
-    assert "0 dimensions" in error_line(capsys)
+    assert error_line(capsys) == "x.npy must hold an array of at least one dimension, got a scalar"
 
 
 def test_csv_holds_at_most_two_dimensions(capsys):
@@ -349,3 +349,16 @@ def test_csv_holds_real_numbers(x, capsys):
     np.save("x.npy", x + 1j)
     assert run("x.npy", "y.csv") == 1
     assert "real numbers" in error_line(capsys)
+
+
+def test_missing_samples_are_left_out(x: np.ndarray) -> None:
+    x = x.copy()
+    x[[50, 51, 120]] = np.nan
+    np.save("x.npy", x)
+    assert run("x.npy", "y.npy", "--nan-policy", "omit", "--min-support", 20) == 0
+    expected = algdiff.differentiate(x, WINDOW, nan_policy="omit", min_support=20)
+    assert np.isnan(expected).any() and not np.isnan(expected).all()
+    np.testing.assert_allclose(np.load("y.npy"), expected, rtol=1e-12)
+    assert run("x.npy", "z.npy", "--nan-policy", "omit", "--max-gain", 1.01) == 0
+    np.testing.assert_allclose(np.load("z.npy"), algdiff.differentiate(x, WINDOW, nan_policy="omit", max_gain=1.01))
+    assert run("x.npy", "w.npy", "--nan-policy", "raise") == 1

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 MODES = ("fit", "valid", "nan", "nearest", "mirror", "wrap", "constant")
 RULES = ("exact", "trapezoid", "midpoint", "simpson", "cell", "hat")
 TAUS = ("center", "root", "newest")
+POLICIES = ("propagate", "omit", "raise")
 WORDS = ("degree", "kappa", "mu", "tau", "delay", "delta", "fs", "rule", "trim", "engine")
 """Options that become arguments of a design."""
 READING = ("axis", "mode", "cval", "columns", "time", "key", "dtype", "channels", "offset", "memory", "threads")
@@ -191,6 +192,12 @@ def _parser() -> argparse.ArgumentParser:
     for verb in (run, demo):
         verb.add_argument("--threads", type=count, metavar="N", help="default: chosen from the machine and the data")
     return parser
+
+
+def add_nan_policy(verb: argparse.ArgumentParser) -> None:
+    """Add the option that says what missing samples do."""
+    what = "what missing samples do; default: %(default)s"
+    verb.add_argument("--nan-policy", choices=POLICIES, default=POLICIES[0], help=what)
 
 
 def add_design(

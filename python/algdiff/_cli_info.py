@@ -43,7 +43,7 @@ def run(options: argparse.Namespace) -> None:
         place = formats.located("FILE", options.source)
     except ValueError as error:
         raise UsageError(error) from None
-    how = reading(options, MEMORY)
+    how = reading(options)
     arrays = [] if place.inner is not None or how.key is not None else _arrays(place)
     if len(arrays) > 1:
         known: dict[str, Any] = {

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from algdiff import _formats as formats
 from algdiff import _units as units
-from algdiff._cli import MODES, UsageError, add_design, count, design_by, orders
+from algdiff._cli import MODES, UsageError, add_design, add_nan_policy, count, design_by, orders
 
 if TYPE_CHECKING:
     import argparse
@@ -45,6 +45,9 @@ def add(verb: argparse.ArgumentParser) -> None:
     add_reading(verb)
     option("--mode", choices=MODES, default="fit", help="what happens at the ends of the data; default: %(default)s")
     option("--cval", type=float, metavar="X", help="value beyond the ends for --mode constant; default: 0")
+    add_nan_policy(verb)
+    option("--min-support", type=int, metavar="N", help="samples that a fit needs; default: degree + 1")
+    option("--max-gain", type=float, metavar="X", help="how much gaps may add to the noise gain; default: 100")
     add_design(verb, orders, "N[,N]", "what IN states, or 1, with no unit")
     option("--overwrite", action="store_true", help="replace OUT if it exists, and what an interrupted run left of it")
     option("--resume", action="store_true", help="go on with what an interrupted run left")
@@ -84,21 +87,21 @@ def _offset(text: str) -> int:
 def run(options: argparse.Namespace) -> None:
     """Check the arguments, differentiate, and say what was done."""
     from algdiff import _file
+    from algdiff._file_run import Missing
 
     step = _check_arguments(options)
     words = {name: getattr(options, name) for name in ("axis", "mode", "overwrite", "resume", "memory", "threads")}
-    if options.key is None:
-        options.key = _only_key(options.source, options.target)
     silent = options.quiet or options.json
     with Bar(not silent and not options.dry_run and sys.stderr.isatty()) as bar:
         task = _Task(options, bar)
         report = _file.differentiate_with(
             task.design_for,
-            reading(options, options.memory),
+            reading(options),
             options.source,
             options.target,
             step=step,
             cval=0.0 if options.cval is None else options.cval,
+            missing=Missing(options.nan_policy, options.min_support, options.max_gain),
             dry_run=options.dry_run,
             progress=bar.draw if bar.wanted else None,
             runner=task.run,
@@ -110,20 +113,7 @@ def run(options: argparse.Namespace) -> None:
         print(task.summary(report), file=sys.stderr)
 
 
-def _only_key(source: str, target: str) -> str | None:
-    """Return the name of the only array of a ``.npz`` IN, which a ``.npz`` OUT keeps."""
-    if not (source.lower().endswith(".npz") and target.lower().endswith(".npz")):
-        return None
-    import zipfile
-
-    # What is wrong with it is said when it is opened.
-    with suppress(Exception), zipfile.ZipFile(source) as archive:
-        (name,) = (name for name in archive.namelist() if name.endswith(".npy"))
-        return name.removesuffix(".npy")
-    return None
-
-
-def reading(options: argparse.Namespace, memory: int) -> Options:
+def reading(options: argparse.Namespace) -> Options:
     """Return how the input is to be read."""
     import numpy as np
 
@@ -136,7 +126,7 @@ def reading(options: argparse.Namespace, memory: int) -> Options:
         if dtype is None or dtype.kind not in "biufc":
             raise UsageError(f"--dtype must be a type of numbers like float32, int16 or >f8, got {options.dtype!r}")
     given = {name: getattr(options, name) for name in ("key", "columns", "time", "channels", "offset")}
-    return Options(dtype=dtype, memory=memory, **given)
+    return Options(dtype=dtype, **given)
 
 
 def _check_arguments(options: argparse.Namespace) -> float | None:
@@ -146,7 +136,7 @@ def _check_arguments(options: argparse.Namespace) -> float | None:
 
     try:
         origin, target = formats.located("src", options.source), formats.located("dst", options.target)
-        _file.check(origin, target, reading(options, options.memory))
+        _file.check(origin, target, reading(options))
         arguments.integer("memory", options.memory, _file.LEAST_MEMORY)
         given = (options.delta, options.fs) != (None, None)
         step = arguments.sampling_step(options.delta, options.fs) if given else None

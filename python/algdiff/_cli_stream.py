@@ -9,7 +9,7 @@ from io import StringIO
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
-from algdiff._cli import UsageError, add_design, design_by, orders
+from algdiff._cli import UsageError, add_design, add_nan_policy, design_by, orders
 
 if TYPE_CHECKING:
     import argparse
@@ -44,12 +44,7 @@ def add(verb: argparse.ArgumentParser) -> None:
     option("--time", action="store_true", help="the first column is the time, a number or an ISO 8601 date")
     option("--stamp", action="store_true", help="print the time of each estimate first; the first sample is at 0")
     option("--warmup", choices=("nan", "grow"), default="nan", help="before the window is full; default: %(default)s")
-    option(
-        "--nan-policy",
-        choices=("propagate", "omit", "raise"),
-        default="propagate",
-        help="what missing samples do; default: %(default)s",
-    )
+    add_nan_policy(verb)
     option("--std", action="store_true", help="print the standard deviation of each estimate, too")
     option("--sigma", type=float, metavar="X", help="level of the noise, for --std; default: 1")
     add_design(verb, orders, "N[,N]")

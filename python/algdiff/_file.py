@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, SupportsIndex
 
 import numpy as np
@@ -305,7 +305,10 @@ def differentiate_with(
         raise ValueError(f"mode must be one of {', '.join(map(repr, MODES))}, got {mode!r}")
     check_output(target.path, overwrite, store=target.form.name == "zarr")
     started = time.perf_counter()
+    options = replace(options, memory=memory)
     with formats.open_source(origin, options) as source:
+        if not source.shape:
+            raise ValueError(f"{origin.given} must hold an array of at least one dimension, got a scalar")
         along = arguments.axis_index(source.axis if axis is None else axis, len(source.shape))
         known = source.step_along(along) if step is None else step
         design = make(known)

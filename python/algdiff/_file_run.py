@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import astuple
+from dataclasses import astuple, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -134,7 +134,7 @@ class Job:
             delimiter=source.delimiter,
             time=source.time,
             time_dtype=source.time_dtype,
-            key=spec.options.key or "arr_0",
+            key=spec.options.key or source.key or "arr_0",
             attributes=source.attributes,
         )
         formats.check(spec.target, self.layout)
@@ -195,7 +195,7 @@ class Job:
         return {
             "version": version("algdiff-rs"),
             "input": [str(Path(source.path).resolve()), *source.stamp()],
-            "reading": [self.spec.origin.inner, *map(str, astuple(self.spec.options))],
+            "reading": [self.spec.origin.inner, *map(str, astuple(replace(self.spec.options, memory=None)))],
             "array": [list(source.shape), source.dtype.str, source.fortran, list(source.names or ()), source.time],
             "design": design._asked,
             "call": [self.axis, self.mode, str(self.cval), self.spec.stated, *self.spec.missing],
@@ -344,20 +344,6 @@ def ending(job: Job, journal: Journal) -> Iterator[None]:
     journal.remove()
 
 
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C in a run of which something is kept.
-
-    Attributes
-    ----------
-    done, total : int
-        Blocks that are finished, and all.
-    """
-
-    def __init__(self, said: str, done: int, total: int) -> None:
-        super().__init__(said)
-        self.done, self.total = done, total
-
-
 def _kept(error: KeyboardInterrupt | OSError | MemoryError, job: Job, journal: Journal) -> BaseException:
     """Return the error with what is kept of its run, and how to go on."""
     beside = Path(f"{job.target.path}.partial")
@@ -366,7 +352,8 @@ def _kept(error: KeyboardInterrupt | OSError | MemoryError, job: Job, journal: J
     if isinstance(error, KeyboardInterrupt):
         done, total = journal.done, len(job.cuts)
         said = f"{100 * done // total} % of {job.target.given} is kept in {path}: go on with resume=True"
-        return Interrupted(said, done, total)
+        # None of a kind of its own: Python ends by SIGINT, as shells expect, for this very class only.
+        return KeyboardInterrupt(said)
     room = "make room and " if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT) else ""
     hint = f"what is finished is kept in {path}: {room}go on with resume=True"
     if isinstance(error, OSError) and error.errno is not None:

@@ -70,6 +70,8 @@ class Source(ABC):
         Names of the columns of a table, or of its only one.
     delimiter : str
         What separates the columns of a text.
+    key : str or None
+        Name of the array in an ``.npz`` file.
     time : str or None
         Name of the column of times, which `read` returns and which is none of `names`.
     time_dtype : numpy.dtype or None
@@ -86,6 +88,7 @@ class Source(ABC):
     step: float | None = None
     names: tuple[str, ...] | None = None
     delimiter: str = ","
+    key: str | None = None
     time: str | None = None
     time_dtype: np.dtype[Any] | None = None
 

@@ -25,8 +25,9 @@ class RawSource(Source):
             raise ValueError(f"dtype must be given for the raw numbers of {path}, got nothing")
         super().__init__(path, open(path, "rb", buffering=0))
         self.dtype = options.dtype
-        frame = self.dtype.itemsize * (options.channels or 1)
         try:
+            check_numbers(path, (), self.dtype)
+            frame = self.dtype.itemsize * (options.channels or 1)
             held = os.fstat(self.file.fileno()).st_size - options.offset
             if held < 0:
                 size = held + options.offset
