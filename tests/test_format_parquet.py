@@ -169,7 +169,7 @@ def test_only_numbers_by_default():
             opened(table, time=name)
     with pytest.raises(ValueError, match=r"x\.parquet: no column of numbers$"):
         opened(table.select(["name", "on"]))
-    with pytest.raises(ValueError, match=r"--columns must name columns of x\.parquet \(name, x; or 0 to 1\), got 'y'"):
+    with pytest.raises(ValueError, match=r"^columns must name columns of x\.parquet \(name, x; or 0 to 1\), got 'y'"):
         opened(table.select(["name", "x"]), columns=("y",))
 
 

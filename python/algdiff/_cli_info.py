@@ -139,15 +139,14 @@ def _arrays(place: formats.Located) -> list[dict[str, Any]]:
 def _of_npz(place: formats.Located) -> list[Array]:
     import zipfile
 
-    from numpy.lib import format as npy
+    from algdiff._formats.npy import read_header
 
     arrays = []
     with zipfile.ZipFile(place.path) as archive:
         for name in archive.namelist():
             if name.endswith(".npy"):
                 with archive.open(name) as member:
-                    read = npy.read_array_header_1_0 if npy.read_magic(member) == (1, 0) else npy.read_array_header_2_0
-                    shape, _, dtype = read(member)
+                    shape, _, dtype = read_header(member, name)
                     arrays.append((name.removesuffix(".npy"), shape, str(dtype)))
     return arrays
 

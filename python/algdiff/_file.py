@@ -330,9 +330,10 @@ def check(origin: formats.Located, target: formats.Located, options: Options) ->
         raise ValueError(f"dst must be another file than src, got {target.given}")
     if not target.form.writes:
         raise ValueError(f"dst must be of a format that can be written, got {target.given}")
-    for name, where in (("columns", origin.form.table), ("time", origin.form.table)):
-        if getattr(options, name) is not None and not where:
-            raise ValueError(f"{name} is for a .csv or .parquet file, got {origin.given}")
+    if options.columns is not None and not origin.form.table:
+        raise ValueError(f"columns is for a .csv, .parquet or audio file, got {origin.given}")
+    if options.time is not None and origin.form.name not in ("csv", "parquet"):
+        raise ValueError(f"time is for a .csv or .parquet file, got {origin.given}")
     for name in ("dtype", "channels"):
         if getattr(options, name) is not None and origin.form.name != "raw":
             raise ValueError(f"{name} is for raw numbers, got {origin.given}")

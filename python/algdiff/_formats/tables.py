@@ -120,11 +120,11 @@ def choose(
     default : sequence of int
         Those that are taken if the caller chooses none, except the times.
     """
-    found = None if options.time is None else _position(path, "--time must name a column", names, count, options.time)
+    found = None if options.time is None else _position(path, "time must name a column", names, count, options.time)
     if options.columns is None:
         chosen = [position for position in default if position != found]
     else:
-        what = "--columns must name columns"
+        what = "columns must name columns"
         chosen = [_position(path, what, names, count, column) for column in options.columns]
     if not chosen:
         held = "no column of numbers" if found is None else f"no column of numbers beside the times in {options.time!r}"
