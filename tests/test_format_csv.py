@@ -145,7 +145,7 @@ def test_unknown_column(option, wrong):
     with pytest.raises(ValueError, match=" ") as error:
         opened("a\n1\n", **{option: (wrong,) if option == "columns" else wrong})
     noun = "columns" if option == "columns" else "a column"
-    assert str(error.value) == f"--{option} must name {noun} of x.csv (a; or 0 to 0), got {wrong!r}"
+    assert str(error.value) == f"{option} must name {noun} of x.csv (a; or 0 to 0), got {wrong!r}"
 
 
 def test_what_is_not_chosen_by_name_may_be_text():

@@ -139,14 +139,14 @@ def _arrays(place: formats.Located) -> list[dict[str, Any]]:
 def _of_npz(place: formats.Located) -> list[Array]:
     import zipfile
 
-    from algdiff._formats.npy import read_header
+    from algdiff._formats.npy import any_header
 
     arrays = []
     with zipfile.ZipFile(place.path) as archive:
         for name in archive.namelist():
             if name.endswith(".npy"):
                 with archive.open(name) as member:
-                    shape, _, dtype = read_header(member, name)
+                    shape, _, dtype = any_header(member)
                     arrays.append((name.removesuffix(".npy"), shape, str(dtype)))
     return arrays
 

@@ -47,7 +47,7 @@ class NpySource(Source):
 def read_header(file: IO[bytes], where: Path | str) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
     """Return shape, whether in Fortran order, and type; refuse what are no numbers. No pickle is ever loaded."""
     try:
-        shape, fortran, dtype = _header(file)
+        shape, fortran, dtype = any_header(file)
     except OSError:
         raise
     except Exception as error:  # a header is a Python expression, in which anything may be wrong
@@ -58,7 +58,8 @@ def read_header(file: IO[bytes], where: Path | str) -> tuple[tuple[int, ...], bo
     return check_numbers(where, tuple(shape), dtype), bool(fortran), dtype
 
 
-def _header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+def any_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Return shape, whether in Fortran order, and type, of whatever kind; of damaged ones any error may come."""
     from numpy.lib import format as npy
 
     version = npy.read_magic(file)
