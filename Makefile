@@ -37,5 +37,5 @@ bench: ## speed against the targets and the peers, and the choice of the engine;
 	$(PYTHON) benches/peers.py
 	$(PYTHON) benches/engines.py --strict
 
-soak: ## long runs: streams do not grow and do not drift
+soak: ## long runs: streams do not grow and do not drift, killed runs of files lose nothing
 	$(PYTHON) benches/soak.py

@@ -1,14 +1,18 @@
-"""Long runs: streams do not grow and do not drift.
+"""Long runs: streams do not grow and do not drift, and runs over files that are killed lose nothing.
 
 Memory is compared before and after; the last estimates, to the bit, with those of a new stream that got the last
-samples only; constants and polynomials, at the end, with their derivatives. Returns 1 if anything is off.
+samples only; constants and polynomials, at the end, with their derivatives. Runs over files, every block of which is a
+checkpoint, are killed after random times and go on until they are done: the results must be those of one run in peace,
+byte by byte, with nothing beside them, and no block that was noted may be computed again. Returns 1 if anything is off.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,6 +35,7 @@ GROWTH = 2**20  # bytes: what the allocator may keep; 100 a block, 1 of every 10
 CYCLE = 400  # samples between two resets
 DESIGN = algdiff.Differentiator(LENGTH, degree=3, kappa=0, mu=0, tau="newest")
 GAPS = 0.05
+FORMATS = (".npy", ".csv", ".h5", ".zarr", ".parquet")
 
 
 def same(what: str, found: Any, expected: Any) -> list[str]:
@@ -161,21 +166,44 @@ def resident() -> int | None:
         return None
 
 
+def killed(suffix: str, kills: int) -> list[str]:
+    """Kill runs whose results have the format of `suffix`, and print what came of it; return what is wrong."""
+    sys.path.append(str(Path(__file__).parent.parent / "tests"))
+    from kills import kill
+
+    with tempfile.TemporaryDirectory() as folder:
+        started = time.perf_counter()
+        hunt = kill(Path(folder), suffix, kills)
+        seconds = time.perf_counter() - started
+    print(
+        f"- {suffix}: {hunt.kills} processes killed, {hunt.finished} results of {hunt.blocks} blocks, "
+        f"{len(hunt.wrong)} faults, {figure(seconds)} s",
+        flush=True,
+    )
+    return [f"{suffix}: {what}" for what in hunt.wrong]
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Print the table; return 1 if anything is off."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--share", type=float, default=1.0, help="of the samples of every run; default: %(default)s")
+    parser.add_argument("--share", type=float, default=1.0, help="of the samples of every stream; default: %(default)s")
+    parser.add_argument("--kills", type=int, default=100, help="of runs over files; default: %(default)s")
+    parser.add_argument("--formats", nargs="+", default=FORMATS, help="of their results; default: %(default)s")
     options = parser.parse_args(argv)
     print("\n".join(f"- {name}: {value}" for name, value in machine().items()))
     print(f"- window {LENGTH}, first derivative, degree 3, no delay, float64\n", flush=True)
     rows, failures = [], []
-    for name, (run, most) in RUNS.items():
+    for name, (run, most) in RUNS.items() if options.share > 0 else ():
         count = max(BLOCK, int(options.share * most))
         seconds, before, after, wrong = measure(run, count)
         sizes = ["" if size is None else f"{size / 2**20:.1f}" for size in (before, after)]
         rows.append([name, f"{count:,}", figure(seconds), *sizes, "wrong" if wrong else "yes"])
         failures += [f"{name}: {what}" for what in wrong]
-    print(table(["run", "samples", "seconds", "MiB at the start", "MiB at the end", "as expected"], rows))
+    if rows:
+        titles = ["run", "samples", "seconds", "MiB at the start", "MiB at the end", "as expected"]
+        print(table(titles, rows), end="\n\n")
+    for suffix in options.formats if options.kills > 0 else ():
+        failures += killed(suffix, options.kills)
     print("".join(f"\n{failure}" for failure in failures), end="\n" if failures else "")
     return int(bool(failures))
 

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import algdiff
-from algdiff import _file_run, _places
+from algdiff import _file_job, _file_run, _places
 from cli import WINDOW, N, error_line, leftovers, process, run
 
 
@@ -55,7 +55,7 @@ def test_failure_while_writing(here, x, capsys, monkeypatch, failure, code, mess
         assert leftovers(here) == ["y.npy.partial", "y.npy.partial.journal"]
         raise failure
 
-    monkeypatch.setattr(_file_run.Job, "write", fail)
+    monkeypatch.setattr(_file_job.Job, "write", fail)
     assert run("x.npy", "y.npy", *["--overwrite"] * exists) == code
     assert capsys.readouterr().err == f"algdiff: {message}\n"
     assert leftovers(here) == []
@@ -64,7 +64,7 @@ def test_failure_while_writing(here, x, capsys, monkeypatch, failure, code, mess
 
 def test_bugs_are_not_hidden(x, monkeypatch):
     np.save("x.npy", x)
-    monkeypatch.setattr(_file_run.Job, "write", lambda *_: 1 / 0)
+    monkeypatch.setattr(_file_job.Job, "write", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         run("x.npy", "y.npy")
     assert os.listdir() == ["x.npy"]
@@ -83,7 +83,7 @@ def blocks(monkeypatch):
 @contextmanager
 def failing(monkeypatch, error, after=4):
     """Let writing fail after some blocks."""
-    genuine, count = _file_run.Job.write, iter(range(after))
+    genuine, count = _file_job.Job.write, iter(range(after))
 
     def write(*words):
         if next(count, None) is None:
@@ -91,7 +91,7 @@ def failing(monkeypatch, error, after=4):
         genuine(*words)
 
     with monkeypatch.context() as patch:
-        patch.setattr(_file_run.Job, "write", write)
+        patch.setattr(_file_job.Job, "write", write)
         yield
 
 
@@ -162,10 +162,10 @@ def test_ctrl_c_in_a_process(here, capsys):
     # Blocks of 1 MiB that take 20 ms at least, so that there is time to send a signal.
     code = """
 import sys, time
-from algdiff import _cli, _file_run, _places
+from algdiff import _cli, _file_job, _file_run, _places
 _places.BLOCK, _file_run.INTERVAL = 1 << 20, 0
-genuine = _file_run.Job.compute
-_file_run.Job.compute = lambda *words: (time.sleep(0.02), genuine(*words))
+genuine = _file_job.Job.compute
+_file_job.Job.compute = lambda *words: (time.sleep(0.02), genuine(*words))
 sys.exit(_cli.main())
 """
     data = np.random.default_rng(6).standard_normal(4_000_000)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import algdiff
-from algdiff import _file, _file_run
+from algdiff import _file, _file_job, _file_run
 from algdiff import _formats as formats
 from algdiff._formats.base import Options, Source
 from cli import WINDOW, N, error_line, leftovers, run
@@ -85,7 +85,7 @@ GIVEN = [
     (["--resume"], {"resume": True}),
     (["--dry-run"], {"dry_run": True}),
     (["--threads", "3"], {"threads": 3}),
-    (["--nan-policy", "omit", "--min-support", "9", "--max-gain", "3"], {"missing": _file_run.Missing("omit", 9, 3.0)}),
+    (["--nan-policy", "omit", "--min-support", "9", "--max-gain", "3"], {"missing": _file_job.Missing("omit", 9, 3.0)}),
     (["--memory", "2MiB"], {"memory": 2 << 20}),
     (["--memory", "3MB"], {"memory": 3_000_000}),
     (["--memory", "1.5GiB"], {"memory": 3 << 29}),

@@ -26,7 +26,7 @@ from dask.distributed import Client, LocalCluster
 
 import algdiff
 from algdiff import _dask_paths
-from algdiff._file_run import Spec
+from algdiff._file_job import Spec
 from algdiff._formats import located
 from algdiff._formats.base import Options
 from algdiff.dask import differentiate_paths

@@ -89,7 +89,7 @@ def _suggestion(
 ) -> dict[str, Any] | None:
     """Return a command that differentiates the array, and what it will take; None if there is none."""
     from algdiff import Differentiator, _file
-    from algdiff._file_run import Job, Spec
+    from algdiff._file_job import Job, Spec
 
     window = min(WINDOW, source.shape[axis] - 1 + source.shape[axis] % 2)
     if window < LEAST:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import argparse
 
     from algdiff import Differentiator, FileReport
-    from algdiff._file_run import Job
+    from algdiff._file_job import Job
     from algdiff._formats.base import Options
 
 BAR = 24
@@ -87,7 +87,7 @@ def _offset(text: str) -> int:
 def run(options: argparse.Namespace) -> None:
     """Check the arguments, differentiate, and say what was done."""
     from algdiff import _file
-    from algdiff._file_run import Missing
+    from algdiff._file_job import Missing
 
     step = _check_arguments(options)
     words = {name: getattr(options, name) for name in ("axis", "mode", "overwrite", "resume", "memory", "threads")}

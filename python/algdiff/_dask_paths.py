@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import os
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
@@ -11,7 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from algdiff import _formats as formats
 from algdiff import _threads as threads_of
-from algdiff._file_run import Job, Spec, ending
+from algdiff._file_job import Job, Spec
+from algdiff._file_run import journal_of
 from algdiff._journal import Journal
 from algdiff._output import publish
 
@@ -73,10 +73,8 @@ def run(
     for name, place in (("src", job.spec.origin), ("dst", job.target)):
         if place.form.staged or place.form.table:
             raise ValueError(f"{name} must be of a format with regions (npy, raw, hdf5, zarr), got {place.given}")
-    final = Path(os.path.realpath(job.target.path))
-    journal = Journal(final.with_name(final.name + ".partial"), job.header(), resume=resume, overwrite=overwrite)
-    before = journal.done
-    with ending(job, journal):
+    with journal_of(job, overwrite=overwrite, resume=resume) as (journal, final):
+        before = journal.done
         if not before:
             formats.create(job.target, journal.partial, job.layout).close()
         common = Common(_everywhere(job.spec), str(journal.partial), job.source.stamp(), threads)

@@ -15,7 +15,8 @@ from algdiff import _arguments as arguments
 from algdiff import _formats as formats
 from algdiff import _threads as threads_of
 from algdiff._differentiator import Differentiator
-from algdiff._file_run import PLAIN, Job, Missing, Spec, run
+from algdiff._file_job import PLAIN, Job, Missing, Spec
+from algdiff._file_run import run
 from algdiff._formats.base import Options
 from algdiff._output import check_output
 from algdiff._run import MODES
@@ -304,6 +305,8 @@ def differentiate_with(
     if mode not in MODES:
         raise ValueError(f"mode must be one of {', '.join(map(repr, MODES))}, got {mode!r}")
     check_output(target.path, overwrite, store=target.form.name == "zarr")
+    if origin.path.exists() and not (origin.path.is_file() or origin.path.is_dir()):
+        raise ValueError(f"{origin.given}: must be a file, got a pipe or a device")
     started = time.perf_counter()
     options = replace(options, memory=memory)
     with formats.open_source(origin, options) as source:
