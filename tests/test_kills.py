@@ -290,8 +290,6 @@ KINDS: dict[str, Callable[[str], None]] = {
 @pytest.mark.parametrize(
     ("kind", "suffix"), [*((kind, ".npy") for kind in KINDS), ("a device", ".bin"), ("a pipe", ".csv")]
 )
-    ("kind", "suffix"), [(kind, ".npy") for kind in KINDS] + [("a device", ".bin"), ("a pipe", ".csv")]
-)
 def test_inputs_that_are_no_files(kind: str, suffix: str) -> None:
     name = f"input{suffix}"
     KINDS[kind](name)
