@@ -19,6 +19,18 @@ WINDOW = 21
 N = 200
 
 
+@pytest.fixture
+def x() -> np.ndarray:
+    rng = np.random.default_rng(7)
+    return np.sin(0.05 * np.arange(N)) + 0.01 * rng.standard_normal(N)
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
 def run(source: object, target: object, *more: object) -> int:
     return main(["run", str(source), str(target), "--window", str(WINDOW), *map(str, more)])
 

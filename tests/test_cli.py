@@ -15,20 +15,7 @@ import pytest
 import algdiff
 from algdiff import _cli, _demo
 from algdiff._cli import main
-from cli import WINDOW, N, error_line, leftovers, process, run
-
-
-@pytest.fixture
-def x() -> np.ndarray:
-    rng = np.random.default_rng(7)
-    return np.sin(0.05 * np.arange(N)) + 0.01 * rng.standard_normal(N)
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
+from cli import WINDOW, N, error_line, here, leftovers, process, run, x
 
 # --- arguments --------------------------------------------------------------------------------------------------------
 

@@ -17,19 +17,7 @@ import pytest
 
 import algdiff
 from algdiff import _file_job, _file_run, _places
-from cli import WINDOW, N, error_line, leftovers, process, run
-
-
-@pytest.fixture
-def x() -> np.ndarray:
-    rng = np.random.default_rng(7)
-    return np.sin(0.05 * np.arange(N)) + 0.01 * rng.standard_normal(N)
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+from cli import WINDOW, N, error_line, here, leftovers, process, run, x
 
 
 @pytest.mark.parametrize(

@@ -14,20 +14,7 @@ import algdiff
 from algdiff import _file, _file_job, _file_run
 from algdiff import _formats as formats
 from algdiff._formats.base import Options, Source
-from cli import WINDOW, N, error_line, leftovers, run
-
-
-@pytest.fixture
-def x() -> np.ndarray:
-    rng = np.random.default_rng(7)
-    return np.sin(0.05 * np.arange(N)) + 0.01 * rng.standard_normal(N)
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
+from cli import WINDOW, N, error_line, here, leftovers, run, x
 
 # --- options ----------------------------------------------------------------------------------------------------------
 
