@@ -206,7 +206,20 @@ def test_steps_in_attributes(tmp_path: Path, form: int) -> None:
         with pytest.raises(ValueError, match=r"x\.zarr/g/x: its attribute sampling_rate must be positive and finite"):
             source(path).step_along(1)
     array.attrs["sampling_rate"] = "500 Hz"
-    assert source(path).step_along(1) == 0.25
+    with pytest.raises(ValueError, match=r"its attribute sampling_rate must be a number, got '500 Hz'"):
+        source(path).step_along(1)
+
+
+def test_packed_arrays_of_xarray_are_refused(tmp_path: Path) -> None:
+    xr = pytest.importorskip("xarray")
+    x = xr.Dataset({"v": ("time", np.linspace(0, 1, 100)), "w": ("time", np.linspace(0, 1, 100))})
+    x["u"] = x.v.copy()
+    packed = {"dtype": "i2", "scale_factor": 1e-4, "_FillValue": -9999}
+    x.to_zarr(tmp_path / "x.zarr", encoding={"v": packed, "w": {"_FillValue": -9999.0}}, consolidated=False)
+    for name, fault in (("v", "packed ones"), ("w", "_FillValue = -9999.0")):
+        with pytest.raises(ValueError, match=fault):
+            source(f"{tmp_path / 'x.zarr'}:/{name}")
+    source(f"{tmp_path / 'x.zarr'}:/u").close()
 
 
 @pytest.mark.parametrize("form", [2, 3])

@@ -71,7 +71,7 @@ def run(
 ) -> int:
     """Let the workers of `client` do a job; see `_file_run.run`."""
     for name, place in (("src", job.spec.origin), ("dst", job.target)):
-        if place.form.staged or place.form.table:
+        if place.form.staged or place.form.name == "csv":
             raise ValueError(f"{name} must be of a format with regions (npy, raw, hdf5, zarr), got {place.given}")
     with journal_of(job, overwrite=overwrite, resume=resume) as (journal, final):
         before = journal.done

@@ -144,8 +144,8 @@ def differentiate_file(
 
     Blocks are read, computed and written at the same time. The output grows under the name ``dst.partial``, with a
     journal beside it, and gets its own name when it is whole and on the disk. The estimates are those of
-    `differentiate` on the whole array: to the bit, except for the engine "fft", and for the engine "moments" into
-    Zarr stores, which agree to rounding.
+    `differentiate` on the whole array: with the engine "direct" to the bit; "moments" and "fft", which "auto" may take,
+    agree with it to rounding.
 
     Parameters
     ----------
@@ -169,10 +169,11 @@ def differentiate_file(
     nan_policy, min_support, max_gain
         What missing samples do; see `differentiate`. Windows that are fitted agree with those in memory to rounding.
     columns : sequence of str or int, optional
-        Columns of a table, by name or by position from 0; by default all that hold numbers.
+        Columns of a table, by name or by position from 0; by default all, of a Parquet file all that hold numbers.
     time : str or int, optional
-        The column of a table that holds the times of its rows: even ones, in seconds or as dates. They say the step,
-        and stand in front of the estimates in an output that is a table.
+        The column of a ``.csv`` or ``.parquet`` file that holds the times of its rows: ascending and even, to a
+        thousandth of a step and the digits that are printed; in seconds, or as dates with a time of day. They say the
+        step, instead of `delta` or `fs`, and stand in front of the estimates in an output that is a table.
     key : str, optional
         Name of the array in an ``.npz`` file.
     dtype : dtype, optional
@@ -182,7 +183,8 @@ def differentiate_file(
     offset : int
         Bytes before the first number of a raw file.
     overwrite : bool
-        Whether `dst`, or what an interrupted run left of it, may be replaced.
+        Whether `dst`, or what an interrupted run left of it, may be replaced. Files are replaced whole; one that holds
+        other arrays as well is not.
     resume : bool
         Whether to go on with what an interrupted run left. It is believed only if the size and the time of the input,
         the design and the blocks are the same; if not, that is a warning, and the run begins again.
@@ -304,7 +306,11 @@ def differentiate_with(
     memory = arguments.integer("memory", memory, LEAST_MEMORY)
     if mode not in MODES:
         raise ValueError(f"mode must be one of {', '.join(map(repr, MODES))}, got {mode!r}")
+    if step is not None and options.time is not None:
+        raise ValueError("give time, delta or fs: got time and another")
     check_output(target.path, overwrite, store=target.form.name == "zarr")
+    if overwrite and target.path.exists():
+        formats.check_others(target)
     if origin.path.exists() and not (origin.path.is_file() or origin.path.is_dir()):
         raise ValueError(f"{origin.given}: must be a file, got a pipe or a device")
     started = time.perf_counter()
@@ -333,7 +339,7 @@ def check(origin: formats.Located, target: formats.Located, options: Options) ->
         raise ValueError(f"dst must be another file than src, got {target.given}")
     if not target.form.writes:
         raise ValueError(f"dst must be of a format that can be written, got {target.given}")
-    if options.columns is not None and not origin.form.table:
+    if options.columns is not None and origin.form.name not in ("csv", "parquet", "audio"):
         raise ValueError(f"columns is for a .csv, .parquet or audio file, got {origin.given}")
     if options.time is not None and origin.form.name not in ("csv", "parquet"):
         raise ValueError(f"time is for a .csv or .parquet file, got {origin.given}")

@@ -192,7 +192,12 @@ class Job:
 
     def reads(self, place: Place) -> tuple[int, int]:
         """Return the samples that the outputs at a place need."""
-        return self.row.reads(place[self.axis].start, place[self.axis].stop)
+        first, last = place[self.axis].start, place[self.axis].stop
+        start, end = self.row.reads(first, last)
+        if self.fits is None or self.mode == "valid":
+            return start, end
+        # Fits give the estimates at the samples at hand, which windows of predictions do not reach.
+        return min(start, first), max(end, last)
 
     def read(self, place: Place, out: Samples) -> Samples | None:
         """Fill `out` with the samples that the outputs at a place need; return their times if the file holds times."""
@@ -227,12 +232,25 @@ class Job:
         first, last = place[self.axis].start, place[self.axis].stop
         if self.fits is not None:
             self.fits.call = self.fits.call._replace(threads=threads or None, progress=progress)
-            found = self.fits.fitted(x, {}, first, last, start)
+            found = self._fitted(x, first, last, start)
             result[...] = found if self.layout.leading else found[np.newaxis]
             return
         options: dict[str, Any] = {"start": start, "first": first}
         bank = self.design._bank
         run_part(bank, self.row, x, result, self.axis, self.cval, threads=threads, progress=progress, **options)
+
+    def _fitted(self, x: Samples, first: int, last: int, start: int) -> Samples:
+        assert self.fits is not None  # noqa: S101
+        try:
+            return self.fits.fitted(x, {}, first, last, start)
+        except ValueError as error:
+            if not str(error).startswith("x must hold no missing samples"):
+                raise
+            end = start + x.shape[self.axis]
+            raise ValueError(
+                f"{self.spec.origin.given} must hold no missing samples with nan_policy = 'raise', got some between "
+                f"samples {start} and {end}"
+            ) from None
 
     def block(self, place: Place, threads: int) -> tuple[Samples, Samples | None]:
         """Read and compute the outputs at a place; return them, with a leading axis over the orders, and times."""

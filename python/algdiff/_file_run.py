@@ -61,19 +61,23 @@ def journal_of(job: Job, *, overwrite: bool, resume: bool) -> Iterator[tuple[Jou
         journal = Journal(partial, job.header(), resume=resume, overwrite=overwrite)
     try:
         yield journal, final
-    except (KeyboardInterrupt, OSError, MemoryError) as error:
+    except (ValueError, TypeError):
+        # Of the input or the arguments: there is nothing to go on with.
+        journal.remove()
+        raise
+    except BaseException as error:
         if not journal.done or not journal.partial.exists():
             journal.remove()
             raise
         journal.close()
-        raise _kept(error, job, journal) from error
-    except BaseException:
-        journal.remove()
-        raise
+        kept = _kept(error, job, journal)
+        if kept is error:
+            raise
+        raise kept from error
     journal.remove()
 
 
-def _kept(error: KeyboardInterrupt | OSError | MemoryError, job: Job, journal: Journal) -> BaseException:
+def _kept(error: BaseException, job: Job, journal: Journal) -> BaseException:
     """Return the error with what is kept of its run, and how to go on."""
     beside = Path(f"{job.target.path}.partial")
     # A link is followed, and what is kept lies beside what it points at.
@@ -89,7 +93,8 @@ def _kept(error: KeyboardInterrupt | OSError | MemoryError, job: Job, journal: J
         said = f"{error.strerror}" if error.filename is None else f"{error.filename}: {error.strerror}"
         return OSError(error.errno, f"{said}; {hint}")
     kinds = (MemoryError, FileExistsError, OSError)
-    return next(kind for kind in kinds if isinstance(error, kind))(f"{error}; {hint}")
+    kind = next((kind for kind in kinds if isinstance(error, kind)), None)
+    return error if kind is None else kind(f"{error}; {hint}")
 
 
 def _finish(job: Job, journal: Journal, final: Path, overwrite: bool) -> None:

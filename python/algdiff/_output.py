@@ -19,6 +19,9 @@ def check_output(path: Path, overwrite: bool, *, store: bool = False) -> None:
     if store:
         if path.exists() and not path.is_dir():
             raise FileExistsError(f"{path}: exists and is not a folder")
+        inside = {entry.name for entry in path.iterdir()} if path.is_dir() else set()
+        if inside and not inside & {"zarr.json", ".zgroup", ".zarray"}:
+            raise FileExistsError(f"{path}: exists and is no Zarr store")
     elif path.is_dir() or (path.exists() and not stat.S_ISREG(path.stat().st_mode)):
         raise FileExistsError(f"{path}: exists and is not a regular file")
     if os.path.lexists(path) and not overwrite:

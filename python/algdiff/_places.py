@@ -81,8 +81,10 @@ class Cuts:
         extents = [
             extent if rows else min(unit, extent) for extent, unit in zip(shape, units or [1] * len(shape), strict=True)
         ]
-        # The shortest block: as many outputs as the window has samples, each with the window before it.
-        extents[axis] = min(_up(row.span, self.unit), max(shape[axis], 1))
+        # The shortest block: as many outputs as the window has samples, each with the window before it; or as a chunk
+        # of the input has, which is read whole.
+        chunk = 1 if units is None or chunked else units[axis]
+        extents[axis] = min(_up(max(row.span, chunk), self.unit), max(shape[axis], 1))
         need = self._need(extents, cost)
         if need > budget:
             raise TooLargeError(need)

@@ -59,7 +59,7 @@ FORMATS = (
     Format("npy", (".npy",)),
     Format("npz", (".npz",), staged=True),
     Format("csv", (".csv",), table=True),
-    Format("raw", (".bin", ".raw", ".dat")),
+    Format("raw", (".bin", ".raw", ".dat"), table=True),
     Format("hdf5", (".h5", ".hdf5"), inner=True, needs="h5py"),
     Format("zarr", (".zarr",), inner=True, needs="zarr"),
     Format("parquet", (".parquet",), table=True, staged=True, needs="pyarrow"),
@@ -128,9 +128,21 @@ def check(place: Located, layout: Layout) -> None:
         if len(layout.shape) not in (1, 2):
             shape = f"one or two dimensions, got shape {layout.shape}"
             raise ValueError(f"a {suffix} OUT must have {shape}; write .npy or .npz")
-        if layout.dtype.kind == "c":
+        if layout.dtype.kind == "c" and place.form.name != "raw":
             raise ValueError(f"a {suffix} OUT must hold real numbers, got dtype {layout.dtype}; write .npy or .npz")
     place.form.module.check(place.path, place.inner, layout)
+
+
+def check_others(place: Located) -> None:
+    """Raise FileExistsError if the file at a place holds arrays that would be lost if it were replaced."""
+    arrays: Callable[[Path], list[str]] | None = getattr(place.form.module, "held", None)
+    if arrays is None:
+        return
+    own = (place.inner or "").strip("/")
+    others = [name for name in arrays(place.path) if own and name.strip("/") != own]
+    if others:
+        shown = ", ".join(others[:10])
+        raise FileExistsError(f"{place.given}: the file holds other arrays, which would be lost ({shown})")
 
 
 def create(place: Located, path: Path, layout: Layout) -> Target:

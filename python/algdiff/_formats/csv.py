@@ -74,7 +74,8 @@ class CsvSource(TableSource):
         self.chosen, self.timed = choose(self.path, options, self.header, count, range(count))
         self.names = None if self.header is None else tuple(header[position] for position in self.chosen)
         kinds = [NUMBER] * count
-        if any(header.count(name) == 1 for name in options.columns or ()):
+        named = any(header.count(name) == 1 for name in options.columns or ())
+        if named or (options.columns is not None and header and not any(map(is_number, header))):
             # That there is a header is certain; else it might be a row of numbers, one of them misspelt.
             kinds = [NUMBER if position in (*self.chosen, self.timed) else ANYTHING for position in range(count)]
         if self.timed is not None and self.timed not in self.chosen:

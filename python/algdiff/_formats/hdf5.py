@@ -49,6 +49,7 @@ class Hdf5Source(Source):
                 self.dataset = _cached(self.file, self.name)
                 self.shape, self.dtype, self.chunks = self.dataset.shape, self.dataset.dtype, self.dataset.chunks
                 self.attributes = _attributes(self.dataset)
+                steps.check_packed(f"{path}:{self.name}", self.attributes, self.dtype)
                 names = _dimensions(self.dataset)
                 if all(names):
                     self.attributes[steps.DIMENSIONS] = names
@@ -235,6 +236,15 @@ def _dimensions(dataset: h5py.Dataset) -> list[str]:
         scales = dims.keys() if not dims.label else []
         names.append(dims.label or (str(scales[0]) if scales else ""))
     return names
+
+
+def held(path: Path) -> list[str]:
+    """Return the names of the datasets of numbers in a file; of what is none, nothing."""
+    try:
+        with h5py.File(path, "r") as file:
+            return _datasets(file)
+    except OSError:
+        return []
 
 
 def check(path: Path, inner: str | None, layout: Layout) -> None:

@@ -59,4 +59,12 @@ def create(path: Path, inner: str | None, layout: Layout) -> Target:
 
 def reopen(path: Path, inner: str | None, layout: Layout, mark: int) -> Target:
     """Go on with numbers that were started."""
-    return InPlace(path, Region(layout.full_shape, layout.dtype, 0, fortran=False), layout.leading)
+    return _RawTarget(path, Region(layout.rows, layout.dtype, 0, fortran=False), leading=False)
+
+
+class _RawTarget(InPlace):
+    """Rows of numbers: one of every channel, for every order."""
+
+    def write(self, place: Place, block: Samples, times: Samples | None = None) -> None:
+        """Write some rows."""
+        self.region.write(self.file, (*place, slice(0, self.region.shape[1])), block)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from base64 import b64decode
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -61,14 +62,17 @@ def stated(where: str, attributes: Mapping[str, Any]) -> float | None:
     Raises
     ------
     ValueError
-        A number is not positive and finite, or two of them contradict each other.
+        One is no number, not positive and finite, or two of them contradict each other.
     """
     found: dict[str, float] = {}
     given = {name.lower(): (name, value) for name, value in attributes.items()}
     for name, value in (given[name] for name in (*STEPS, *RATES) if name in given):
         number = value[0] if isinstance(value, list) and len(value) == 1 else value
+        if isinstance(number, str):
+            with suppress(ValueError):
+                number = float(number)
         if isinstance(number, bool) or not isinstance(number, int | float):
-            continue
+            raise ValueError(f"{where}: its attribute {name} must be a number, got {number!r}; give delta or fs")
         step = _positive(number) if name.lower() in STEPS else _positive(1.0 / _positive(number))
         if math.isnan(step):
             raise ValueError(f"{where}: its attribute {name} must be positive and finite, got {number}")
@@ -79,6 +83,22 @@ def stated(where: str, attributes: Mapping[str, Any]) -> float | None:
                 f"{where}: its attributes {first} and {name} must agree, got {found[first]} and {found[name]} s"
             )
     return next(iter(found.values()), None)
+
+
+def check_packed(where: str, attributes: Mapping[str, Any], dtype: np.dtype[Any]) -> None:
+    """Raise ValueError if attributes say, as the CF conventions do, that numbers are packed or some of them missing."""
+    for name, plain_value in (("scale_factor", 1), ("add_offset", 0)):
+        if attributes.get(name, plain_value) != plain_value:
+            raise ValueError(f"{where}: must hold plain numbers, got packed ones ({name}); unpack them, as with xarray")
+    for name in ("_FillValue", "missing_value"):
+        value = attributes.get(name)
+        value = value[0] if isinstance(value, list) and len(value) == 1 else value
+        if isinstance(value, str):  # as xarray writes it to stores of Zarr 3
+            with suppress(ValueError):
+                value = np.frombuffer(b64decode(value, validate=True), dtype.newbyteorder("<"))[0].item()
+        if isinstance(value, int | float) and not math.isnan(value):
+            what = f"got {name} = {value}; unpack it, as with xarray"
+            raise ValueError(f"{where}: must hold NaN for missing samples, {what}")
 
 
 def _positive(number: float) -> float:

@@ -52,6 +52,7 @@ class ZarrSource(Source):
             raise ValueError(f"{self.folder}: not a whole Zarr store (chunks of shape {self.chunks})")
         self.node = node
         self.attributes = dict(node.attributes)
+        steps.check_packed(str(self.folder), self.attributes, self.dtype)
         if node.dimensions is not None:
             self.attributes[steps.DIMENSIONS] = list(node.dimensions)
 
@@ -182,6 +183,12 @@ class _Folder(LocalStore):
         for folder in {folder for file in done for folder in file.parents if folder.is_relative_to(self.root.parent)}:
             _sync_folder(folder)
         self.written.difference_update(done)
+
+
+def held(path: Path) -> list[str]:
+    """Return the names of the arrays of numbers in a store."""
+    root = nodes.node(path)
+    return [] if root is not None and root.array else nodes.arrays(path, path)
 
 
 def check(path: Path, inner: str | None, layout: Layout) -> None:
