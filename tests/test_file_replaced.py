@@ -40,7 +40,11 @@ def test_a_file_with_other_arrays_is_kept(name: str, package: str) -> None:
         library.create_group(name).create_array("precious", data=np.arange(5.0))
     with pytest.raises(FileExistsError, match=r"the file holds other arrays, which would be lost \(.*precious"):
         algdiff.differentiate_file("x.npy", f"{name}:/v", 21, overwrite=True)
+    with pytest.raises(FileExistsError, match="precious"):
+        algdiff.differentiate_file("x.npy", name, 21, overwrite=True)
     assert not list(Path().glob("*partial*"))
+    for _ in range(2):
+        algdiff.differentiate_file("x.npy", f"plain-{name}", 21, overwrite=True)
     algdiff.differentiate_file("x.npy", f"new-{name}:/v", 21)
     algdiff.differentiate_file("x.npy", f"new-{name}:/v", 31, overwrite=True)
 

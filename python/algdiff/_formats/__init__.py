@@ -138,8 +138,8 @@ def check_others(place: Located) -> None:
     arrays: Callable[[Path], list[str]] | None = getattr(place.form.module, "held", None)
     if arrays is None:
         return
-    own = (place.inner or "").strip("/")
-    others = [name for name in arrays(place.path) if own and name.strip("/") != own]
+    own = (place.inner or "x").strip("/")
+    others = [name for name in arrays(place.path) if name.strip("/") != own]
     if others:
         shown = ", ".join(others[:10])
         raise FileExistsError(f"{place.given}: the file holds other arrays, which would be lost ({shown})")
