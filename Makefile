@@ -19,7 +19,7 @@ lint: ## formatters, linters, types and stubs; needs `make dev`
 	ruff format --check .
 	ruff check .
 	mypy
-	cd tests && $(PYTHON) -m mypy.stubtest algdiff --ignore-disjoint-bases
+	cd tests && $(PYTHON) -m mypy.stubtest algdiff --ignore-disjoint-bases --mypy-config-file ../pyproject.toml
 
 test-rust: ## tests of the core
 	cargo test --workspace --release

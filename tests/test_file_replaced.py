@@ -94,3 +94,26 @@ def test_blocks_hold_whole_chunks_of_the_input() -> None:
     assert algdiff.differentiate_file("x.h5", "y.npy", 21, dry_run=True).block_shape[0] >= 500_000
     with pytest.raises(ValueError, match=r"^memory must be at least \d+ bytes"):
         algdiff.differentiate_file("x.h5", "y.npy", 21, dry_run=True, memory=8 << 20)
+
+
+def test_a_real_recording_there_and_back() -> None:
+    """The encoder's recording: angle to velocity to acceleration, through files that keep the step."""
+    from algdiff import _demo
+
+    for package in ("h5py", "pyarrow", "zarr"):
+        pytest.importorskip(package)
+    theta, delta = _demo.recording()
+    np.save("theta.npy", theta)
+    words = {"window_length": 1601, "degree": 5, "kappa": 0, "mu": 0, "engine": "direct", "memory": 4 << 20}
+    expected = algdiff.differentiate(theta, 1601, degree=5, kappa=0, mu=0, delta=delta, engine="direct")
+    assert algdiff.differentiate_file("theta.npy", "v.h5:/pendulum/velocity", delta=delta, **words).blocks > 4
+    words["memory"] = 256 << 20
+    report = algdiff.differentiate_file("v.h5:/pendulum/velocity", "a.zarr", **words)
+    assert report.delta == pytest.approx(delta, rel=1e-12)
+    algdiff.differentiate_file("v.h5:/pendulum/velocity", "a.parquet", **words)
+    twice = algdiff.differentiate(expected, 1601, degree=5, kappa=0, mu=0, delta=report.delta, engine="direct")
+    import polars
+    import zarr
+
+    np.testing.assert_array_equal(zarr.load("a.zarr"), twice)
+    np.testing.assert_array_equal(polars.read_parquet("a.parquet").to_numpy()[:, 0], twice)

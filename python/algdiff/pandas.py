@@ -13,8 +13,8 @@ from algdiff._results import Estimates
 
 try:
     import pandas as pd
-except ImportError as error:
-    raise ImportError(f"algdiff.pandas needs pandas: pip install 'algdiff-rs[pandas]' ({error})") from error
+except ImportError as _error:
+    raise ImportError(f"algdiff.pandas needs pandas: pip install 'algdiff-rs[pandas]' ({_error})") from _error
 
 __all__ = ["differentiate"]
 

@@ -15,8 +15,8 @@ from algdiff._labels import Call, kept, parts_of
 
 try:
     import xarray as xr
-except ImportError as error:
-    raise ImportError(f"algdiff.xarray needs xarray: pip install 'algdiff-rs[xarray]' ({error})") from error
+except ImportError as _error:
+    raise ImportError(f"algdiff.xarray needs xarray: pip install 'algdiff-rs[xarray]' ({_error})") from _error
 
 __all__ = ["differentiate"]
 
