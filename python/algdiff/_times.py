@@ -111,8 +111,7 @@ def _plain(name: str, times: ArrayLike) -> NDArray[Any]:
 def _rounding(given: NDArray[Any], step: float) -> float:
     """Return by how much a stamp may be off for being rounded: dates to their unit, if that is fine for the step."""
     if given.dtype.kind in "mM":
-        unit: Any = np.ones(1, given.dtype) - np.zeros(1, given.dtype)
-        half = 0.51 * float((unit / np.timedelta64(1, "s"))[0])
+        half = 0.51 * float(_seconds(np.ones(1, given.dtype), np.zeros(1, given.dtype))[0])
         return half if half <= FINE * step else 0.0
     if given.size == 0 or given.dtype.kind in "iu":
         return 0.0
