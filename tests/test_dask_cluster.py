@@ -175,6 +175,23 @@ def an_input_that_changes(client):
         return ("was changed" in str(error) and not left) or (str(error), left)
 
 
+def tasks_of_a_run_that_failed_are_over(client):
+    class Failed(Exception):
+        pass
+
+    def fail(fraction):
+        raise Failed
+
+    def executing(dask_worker):
+        return len(dask_worker.state.executing)
+
+    path = saved("x.npy", np.random.default_rng(4).standard_normal(3_000_000))
+    try:
+        differentiate_paths(client, path, HERE / "z.npy", 20_001, engine="direct", memory=1 << 24, progress=fail)
+    except Failed:
+        return not any(client.run(executing).values())
+
+
 def a_worker_killed_between_regions(client):
     x = np.random.default_rng(3).standard_normal(600_000)
     victims = sorted(client.run(os.getpid).values())
@@ -220,6 +237,7 @@ CHECKS = [
     few_words_for_regions,
     flat_memory,
     an_input_that_changes,
+    tasks_of_a_run_that_failed_are_over,
     a_worker_killed_between_regions,  # the last, for they cost workers
     a_killed_worker,
 ]
@@ -249,6 +267,7 @@ CHECKS = (
     "few_words_for_regions",
     "flat_memory",
     "an_input_that_changes",
+    "tasks_of_a_run_that_failed_are_over",
     "a_worker_killed_between_regions",
     "a_killed_worker",
 )

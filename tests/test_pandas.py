@@ -352,3 +352,20 @@ def test_pandas_is_only_imported_where_it_is_asked_for() -> None:
 
 def test_plain_differentiate_returns_an_array() -> None:
     assert type(algdiff.differentiate(series(), 9)) is np.ndarray
+
+
+@pytest.mark.parametrize("name", ["weights", "sigma"])
+@pytest.mark.parametrize("columns", [1, 3])
+def test_numbers_for_other_columns_are_refused(name: str, columns: int) -> None:
+    table = pd.DataFrame(np.random.default_rng(0).standard_normal((60, 2)))
+    with pytest.raises(ValueError, match=rf"^{name} must have shape \(60,\) or that of obj, got \(60, {columns}\)"):
+        differentiate(table, 11, **{name: np.ones((60, columns))})
+    differentiate(table, 11, **{name: np.ones((60, 2))})
+    differentiate(table[0], 11, **{name: np.ones((60, 1))})
+
+
+@pytest.mark.parametrize("values", [np.ones(60, complex), np.array(["1"] * 60), np.ones(60, "M8[s]")])
+def test_weights_that_are_no_real_numbers_are_refused(values: np.ndarray) -> None:
+    x = pd.Series(np.arange(60.0))
+    with pytest.raises(TypeError, match=r"^weights must be real numbers"):
+        differentiate(x, 11, weights=pd.Series(values))

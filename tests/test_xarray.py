@@ -352,3 +352,20 @@ def test_lazy_arrays_are_not_computed_unasked() -> None:
         ):
             call()
     np.testing.assert_allclose(algdiff.differentiate(lazy.compute(), 11), 1.0)
+
+
+def test_a_variable_with_the_name_of_the_orders_is_kept() -> None:
+    both = xr.Dataset({"x": ("time", np.arange(60.0)), "deriv": ("time", np.arange(60.0))})
+    with pytest.raises(ValueError, match="must have no 'deriv'"):
+        differentiate(both, "time", 11, deriv=(0, 1))
+    assert set(differentiate(both, "time", 11).data_vars) == {"x", "deriv"}
+
+
+def test_times_of_other_samples_are_refused() -> None:
+    x = xr.DataArray(np.arange(60.0), {"time": np.arange(60.0)}, ["time"])
+    with pytest.raises(ValueError, match=r"^t must have the coordinate 'time' of obj"):
+        differentiate(x, "time", 11, t=xr.DataArray(np.arange(60.0), {"time": x.time.values[::-1]}, ["time"]))
+    with pytest.raises(ValueError, match=r"^t must lie along 'time'"):
+        differentiate(x, "time", 11, t=xr.DataArray(np.arange(60.0), dims=["other"]))
+    found = differentiate(x, "time", 11, t=xr.DataArray(np.arange(60.0) / 2, {"time": x.time}, ["time"]))
+    np.testing.assert_allclose(found, 2.0)

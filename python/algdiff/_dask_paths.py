@@ -122,5 +122,17 @@ def _work(client: Any, common: Common, journal: Journal, blocks: int, progress: 
                 progress(finished / count)
     except KilledWorker as error:
         raise OSError(f"{common.spec.target.given}: its workers were lost again and again ({error})") from None
+    except BaseException:
+        _settle(client, futures)
+        raise
     finally:
         client.cancel(futures)
+
+
+def _settle(client: Any, futures: list[Any]) -> None:
+    """Cancel what has not begun, and wait for what has: it writes into an output that the next run may begin again."""
+    from distributed import wait
+
+    running = {key for keys in client.processing().values() for key in keys}
+    client.cancel([future for future in futures if future.key not in running])
+    wait([future for future in futures if future.key in running])  # type: ignore[no-untyped-call, unused-ignore]

@@ -97,7 +97,9 @@ def differentiate(
         raise TypeError(f"obj must be a Series or DataFrame, got {type(obj).__name__}")
     words = {"delta": delta, "fs": fs, "t": _aligned("t", t, obj), "at": at, **options}
     for name in ("weights", "sigma"):
-        words[name] = _numbers(_aligned(name, options.get(name), obj))
+        words[name] = _numbers(name, _aligned(name, options.get(name), obj))
+        if np.ndim(words[name]) == 2 and np.shape(words[name]) != (obj.to_frame() if obj.ndim == 1 else obj).shape:
+            raise ValueError(f"{name} must have shape {obj.shape[:1]} or that of obj, got {np.shape(words[name])}")
     call = Call(window_length, deriv, words, "samples lie along the index")
     table = obj.to_frame() if isinstance(obj, pd.Series) else obj
     groups = _groups(table, isinstance(obj, pd.Series))
@@ -131,9 +133,12 @@ def _aligned(name: str, given: Any, obj: Any) -> Any:
     return given
 
 
-def _numbers(given: Any) -> Any:
+def _numbers(name: str, given: Any) -> Any:
     if not isinstance(given, (pd.Series, pd.DataFrame)):
         return given
+    for dtype in [given.dtype] if isinstance(given, pd.Series) else given.dtypes:
+        if getattr(dtype, "kind", "O") not in "fiub":
+            raise TypeError(f"{name} must be real numbers, got dtype {dtype}")
     return given.to_numpy(dtype=np.float64, na_value=np.nan)
 
 

@@ -98,9 +98,11 @@ def differentiate(
         raise TypeError(f"obj must be a DataArray or Dataset, got {type(obj).__name__}")
     if dim not in obj.dims:
         raise ValueError(f"dim must be one of {tuple(obj.dims)}, got {dim!r}")
+    if isinstance(t, xr.DataArray):
+        _check_times(t, obj, dim)
     words = {"delta": delta, "fs": fs, "t": _values(t), "at": _values(at), **options}
     call = Call(window_length, deriv, words, f"samples lie along {dim!r}")
-    if call.orders and (LEADING in obj.dims or LEADING in obj.coords):
+    if call.orders and any(LEADING in names for names in (obj.dims, obj.coords, getattr(obj, "data_vars", ()))):
         raise ValueError(f"obj must have no {LEADING!r} for several orders, got one: rename it")
     variables = {"": obj} if isinstance(obj, xr.DataArray) else {name: obj[name] for name in obj.data_vars}
     along = {name: one for name, one in variables.items() if dim in one.dims}
@@ -117,6 +119,14 @@ def differentiate(
 def _values(given: Any) -> Any:
     """Return the values of a coordinate, or what is given instead."""
     return given.to_index() if isinstance(given, xr.DataArray) and given.ndim == 1 else given
+
+
+def _check_times(t: Any, obj: Any, dim: Hashable) -> None:
+    """Refuse times that are those of other samples."""
+    if t.dims != (dim,):
+        raise ValueError(f"t must lie along {dim!r}, got dimensions {t.dims}")
+    if dim in t.indexes and dim in obj.indexes and not t.indexes[dim].equals(obj.indexes[dim]):
+        raise ValueError(f"t must have the coordinate {dim!r} of obj, got another")
 
 
 def _labels(obj: Any, dim: Hashable) -> Any:
