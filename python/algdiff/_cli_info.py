@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 from algdiff import _formats as formats
 from algdiff import _units as units
 from algdiff._cli import UsageError
-from algdiff._cli_run import MEMORY, add_reading, reading
+from algdiff._cli_run import add_reading, reading
+from algdiff._places import MEMORY
 
 if TYPE_CHECKING:
     import argparse

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from algdiff import _formats as formats
 from algdiff import _units as units
 from algdiff._cli import MODES, UsageError, add_design, add_nan_policy, count, design_by, orders
+from algdiff._places import MEMORY
 
 if TYPE_CHECKING:
     import argparse
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 BAR = 24
 PERIOD = 0.1
 """Seconds between two drawings of the progress, at least."""
-MEMORY = 512 << 20
 RUN = """Differentiate a recording of any size, block by block. The suffixes say the formats; a file that holds several
 arrays takes the name of one after a colon: file.h5:/group/x, store.zarr:/x. Tables have time along the rows; a .csv
 file may have a header row, and its delimiter (comma, semicolon or tab) is kept. Several orders lie along a leading axis

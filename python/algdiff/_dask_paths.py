@@ -13,7 +13,6 @@ from algdiff import _threads as threads_of
 from algdiff._file_job import Job, Spec
 from algdiff._file_run import journal_of
 from algdiff._journal import Journal
-from algdiff._output import publish
 
 if TYPE_CHECKING:
     from algdiff._arguments import Progress
@@ -50,9 +49,9 @@ def region(common: Common, first: int, last: int) -> int:
     """
     spec = common.spec
     with formats.open_source(spec.origin, spec.options) as source:
-        if source.stamp() != common.stamp:
-            raise ValueError(f"{source.path}: was changed since the run began, or is another file for this worker")
         job = Job(source, spec)
+        if job.stamp != common.stamp:
+            raise ValueError(f"{source.path}: was changed since the run began, or is another file for this worker")
         with closing(formats.reopen(job.target, Path(common.partial), job.layout, 0)) as target:
             for place in itertools.islice(job.cuts, first, last):
                 job.write(target, place, *job.block(place, threads_of.count(common.threads)))
@@ -73,15 +72,12 @@ def run(
     for name, place in (("src", job.spec.origin), ("dst", job.target)):
         if place.form.staged or place.form.name == "csv":
             raise ValueError(f"{name} must be of a format with regions (npy, raw, hdf5, zarr), got {place.given}")
-    with journal_of(job, overwrite=overwrite, resume=resume) as (journal, final):
+    with journal_of(job, overwrite=overwrite, resume=resume) as journal:
         before = journal.done
         if not before:
             formats.create(job.target, journal.partial, job.layout).close()
-        common = Common(_everywhere(job.spec), str(journal.partial), job.source.stamp(), threads)
+        common = Common(_everywhere(job.spec), str(journal.partial), job.stamp, threads)
         _work(client, common, journal, len(job.cuts), progress)
-        if job.source.stamp() != common.stamp:
-            raise ValueError(f"{job.source.path}: was changed while it was read; nothing was written")
-        publish(journal.partial, final, overwrite)
     return before
 
 

@@ -19,13 +19,11 @@ from algdiff._file_job import PLAIN, Job, Missing, Spec
 from algdiff._file_run import run
 from algdiff._formats.base import Options
 from algdiff._output import check_output
+from algdiff._places import MEMORY
 from algdiff._run import MODES
 
 if TYPE_CHECKING:
     from algdiff._arguments import Progress
-
-MEMORY = 512 << 20
-"""Bytes of memory that a run may use, unless it is said otherwise."""
 
 LEAST_MEMORY = 1 << 20
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import astuple, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,6 +15,7 @@ from algdiff._blocks import Row, run_part
 from algdiff._formats.base import Layout, Options, Place, Source, Target
 from algdiff._places import Cuts, TooLargeError
 from algdiff._row_parts import Blocks
+from algdiff._times import resolution
 from algdiff._wish import Call, Windows, Wish, limits
 
 if TYPE_CHECKING:
@@ -133,17 +135,7 @@ class Job:
         missing = self.spec.missing
         if missing == PLAIN:
             return None
-        wish = Wish(
-            None,
-            None,
-            None,
-            missing.min_support,
-            missing.max_gain,
-            *(None,) * 4,
-            "full",
-            missing.nan_policy,
-            *(False,) * 3,
-        )
+        wish = Wish(**missing._asdict())
         call = Call(self.axis, self.mode, self.cval, None, None, None)
         limits(self.design, Windows(), samples, call, wish)
         halo = (0, 0)  # which samples come with a block is said of each
@@ -181,7 +173,7 @@ class Job:
         design, source = self.design, self.source
         return {
             "version": version("algdiff-rs"),
-            "input": [str(Path(source.path).resolve()), *source.stamp()],
+            "input": [str(Path(source.path).resolve()), *self.stamp],
             "reading": [self.spec.origin.inner, *map(str, astuple(replace(self.spec.options, memory=None)))],
             "array": [list(source.shape), source.dtype.str, source.fortran, list(source.names or ()), source.time],
             "design": design._asked,
@@ -189,6 +181,16 @@ class Job:
             "output": [list(self.layout.full_shape), self.layout.dtype.str, self.target.inner, self.layout.key],
             "blocks": [list(self.cuts.extents), len(self.cuts)],
         }
+
+    @cached_property
+    def stamp(self) -> list[int]:
+        """Size and time of the input when the run began."""
+        return self.source.stamp()
+
+    def check_unchanged(self) -> None:
+        """Raise ValueError if the input is not what it was when the run began."""
+        if self.source.stamp() != self.stamp:
+            raise ValueError(f"{self.source.path}: was changed while it was read; nothing was written")
 
     def reads(self, place: Place) -> tuple[int, int]:
         """Return the samples that the outputs at a place need."""
@@ -212,19 +214,13 @@ class Job:
             first = (start + done) % self.row.samples
             last = min(first + end - start - done, self.row.samples)
             region[self.axis] = slice(first, last)
-            part = self.empty(region)
-            found = self.source.read(tuple(region), part)
-            times.append(found)
             where: list[Any] = [slice(None)] * out.ndim
             where[self.axis] = slice(done, done + last - first)
+            part = np.empty_like(out[tuple(where)])
+            times.append(self.source.read(tuple(region), part))
             out[tuple(where)] = part
             done += last - first
         return None if times[0] is None else np.concatenate(times)  # type: ignore[arg-type]
-
-    def empty(self, region: list[slice] | Place) -> Samples:
-        """Return a new array for a region of the input, laid out as the file is."""
-        shape = [one.stop - one.start for one in region]
-        return np.empty(shape, self.source.dtype, order="F" if self.source.fortran else "C")
 
     def compute(self, place: Place, x: Samples, result: Samples, threads: int, progress: Progress | None) -> None:
         """Differentiate the samples that `read` gave into `result`, which has a leading axis over the orders."""
@@ -252,17 +248,27 @@ class Job:
                 f"samples {start} and {end}"
             ) from None
 
-    def block(self, place: Place, threads: int) -> tuple[Samples, Samples | None]:
-        """Read and compute the outputs at a place; return them, with a leading axis over the orders, and times."""
+    def samples(self, place: Place, room: Buffers, turn: int = 0) -> tuple[Samples, Samples | None]:
+        """Read what the outputs at a place need; return it, and times."""
         start, end = self.reads(place)
-        region = list(place)
-        region[self.axis] = slice(start, end)
-        x = self.empty(region)
-        times = self.read(place, x)
+        shape = [one.stop - one.start for one in place]
+        shape[self.axis] = end - start
+        x = room.take(turn, tuple(shape), self.source.dtype, fortran=self.source.fortran)
+        return x, self.read(place, x)
+
+    def estimates(
+        self, place: Place, x: Samples, room: Buffers, turn: int = 0, *, threads: int, progress: Progress | None = None
+    ) -> Samples:
+        """Compute the outputs at a place of what `samples` returned; they have a leading axis over the orders."""
         shape = (len(self.layout.orders), *(one.stop - one.start for one in place))
-        result = Buffers().take(0, shape, self.layout.dtype, fortran=self.source.fortran, leading=1)
-        self.compute(place, x, result, threads, None)
-        return result, times
+        result = room.take(turn, shape, self.layout.dtype, fortran=self.source.fortran, leading=1)
+        self.compute(place, x, result, threads, progress)
+        return result
+
+    def block(self, place: Place, threads: int) -> tuple[Samples, Samples | None]:
+        """Read and compute the outputs at a place, in memory of their own; return them and times."""
+        x, times = self.samples(place, Buffers())
+        return self.estimates(place, x, Buffers(), threads=threads), times
 
     def write(self, target: Target, place: Place, result: Samples, times: Samples | None) -> None:
         """Write the outputs at a place."""
@@ -283,8 +289,7 @@ def _later(times: Samples, seconds: float) -> Samples:
     """Return times that lie later by some seconds; numbers are in the unit of the step."""
     if times.dtype.kind != "M":
         return times + seconds
-    unit: Any = np.ones(1, times.dtype) - np.zeros(1, times.dtype)
-    later: Samples = times + round(seconds / float((unit / np.timedelta64(1, "s"))[0])) * unit
+    later: Samples = times + round(seconds / resolution(times.dtype))
     return later
 
 

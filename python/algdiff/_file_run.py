@@ -39,19 +39,17 @@ def run(
     The output grows under a temporary name, with its journal beside it. What is finished stays there if the run is
     interrupted or the disk is full.
     """
-    with journal_of(job, overwrite=overwrite, resume=resume) as (journal, final):
+    with journal_of(job, overwrite=overwrite, resume=resume) as journal:
         before = journal.done
         _Pipeline(job, journal, threads_of.count(threads), progress).run()
-        with _naming(job.target.given):
-            _finish(job, journal, final, overwrite)
     return before
 
 
 @contextmanager
-def journal_of(job: Job, *, overwrite: bool, resume: bool) -> Iterator[tuple[Journal, Path]]:
-    """Open the journal of a run, and yield it with the final path of the output.
+def journal_of(job: Job, *, overwrite: bool, resume: bool) -> Iterator[Journal]:
+    """Open the journal of a run; when all blocks are written, give the output its name.
 
-    It is taken away when the run is finished or in vain, and left if there is something to go on with.
+    The journal is taken away when the run is finished or in vain, and left if there is something to go on with.
     """
     final = Path(os.path.realpath(job.target.path))
     partial = final.with_name(final.name + ".partial")
@@ -60,7 +58,10 @@ def journal_of(job: Job, *, overwrite: bool, resume: bool) -> Iterator[tuple[Jou
             raise FileExistsError(f"{partial}: is a folder, and the name of the unfinished output")
         journal = Journal(partial, job.header(), resume=resume, overwrite=overwrite)
     try:
-        yield journal, final
+        yield journal
+        job.check_unchanged()
+        with _naming(job.target.given):
+            _finish(job, journal, final, overwrite)
     except (ValueError, TypeError):
         # Of the input or the arguments: there is nothing to go on with.
         journal.remove()
@@ -133,7 +134,6 @@ class _Pipeline:
         self.job, self.journal, self.threads, self.progress = job, journal, threads, progress
         self.places = list(job.cuts)
         self.inputs, self.outputs = Buffers(), Buffers()
-        self.stamp = job.source.stamp()
         self.saved = time.monotonic()
         self.written = journal.done
 
@@ -156,8 +156,6 @@ class _Pipeline:
                 self._save(target)
         finally:
             target.close()
-        if job.source.stamp() != self.stamp:
-            raise ValueError(f"{job.source.path}: was changed while it was read; nothing was written")
 
     def _work(self, target: Target) -> None:
         todo = range(self.journal.done, len(self.places))
@@ -180,19 +178,12 @@ class _Pipeline:
                 pool.shutdown(wait=True, cancel_futures=True)
 
     def _read(self, index: int) -> tuple[Samples, Samples | None]:
-        job, place = self.job, self.places[index]
-        start, end = job.reads(place)
-        shape = [one.stop - one.start for one in place]
-        shape[job.axis] = end - start
-        x = self.inputs.take(index, tuple(shape), job.source.dtype, fortran=job.source.fortran)
-        with _naming(str(job.source.path), "read"):
-            return x, job.read(place, x)
+        with _naming(str(self.job.source.path), "read"):
+            return self.job.samples(self.places[index], self.inputs, index)
 
     def _compute(self, index: int, x: Samples) -> Samples:
-        job, place = self.job, self.places[index]
-        shape = (len(job.layout.orders), *(one.stop - one.start for one in place))
-        result = self.outputs.take(index, shape, job.layout.dtype, fortran=job.source.fortran, leading=1)
-        job.compute(place, x, result, self.threads, self._fraction(index))
+        words: dict[str, Any] = {"threads": self.threads, "progress": self._fraction(index)}
+        result = self.job.estimates(self.places[index], x, self.outputs, index, **words)
         if self.progress is not None:
             self.progress((index + 1) / len(self.places))
         return result

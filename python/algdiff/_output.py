@@ -77,7 +77,7 @@ def publish(temporary: Path, final: Path, overwrite: bool) -> None:
         os.replace(temporary, final)
     else:
         _rename_to_new(temporary, final)
-    _sync_folder(final.parent)
+    sync_folder(final.parent)
 
 
 def _rename_to_new(temporary: Path, final: Path) -> None:
@@ -122,7 +122,7 @@ def remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def _sync_folder(folder: Path) -> None:
+def sync_folder(folder: Path) -> None:
     """Make the names in a folder durable, where that can be asked for."""
     if os.name != "nt":
         with suppress(OSError):

@@ -11,6 +11,9 @@ if TYPE_CHECKING:
 
     from algdiff._blocks import Row
 
+MEMORY = 512 << 20
+"""Bytes of memory that a run may use, unless it is said otherwise."""
+
 BLOCK = 16 << 20
 """Bytes of the buffers of a block, unless windows are long."""
 

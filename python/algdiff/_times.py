@@ -85,6 +85,11 @@ def _seconds(times: NDArray[Any], origin: NDArray[Any]) -> NDArray[np.float64]:
     return np.asarray(numbers * SECONDS[unit] if unit in SECONDS else numbers / FRACTIONS[unit])
 
 
+def resolution(dtype: np.dtype[Any]) -> float:
+    """Return the unit of dates in seconds."""
+    return float(_seconds(np.ones(1, dtype), np.zeros(1, dtype))[0])
+
+
 def _integers(times: NDArray[Any], origin: NDArray[Any]) -> NDArray[np.float64]:
     """Return differences of integers, each rounded once: that 64 bits wrap around does not hurt their sizes."""
     kind = np.uint64 if times.dtype == np.uint64 or origin.dtype == np.uint64 else np.int64
@@ -111,7 +116,7 @@ def _plain(name: str, times: ArrayLike) -> NDArray[Any]:
 def _rounding(given: NDArray[Any], step: float) -> float:
     """Return by how much a stamp may be off for being rounded: dates to their unit, if that is fine for the step."""
     if given.dtype.kind in "mM":
-        half = 0.51 * float(_seconds(np.ones(1, given.dtype), np.zeros(1, given.dtype))[0])
+        half = 0.51 * resolution(given.dtype)
         return half if half <= FINE * step else 0.0
     if given.size == 0 or given.dtype.kind in "iu":
         return 0.0

@@ -17,20 +17,20 @@ if TYPE_CHECKING:
 class Wish(NamedTuple):
     """What a call asks for beside the plain estimates."""
 
-    t: ArrayLike | None
-    at: ArrayLike | None
-    window_duration: Any
-    min_support: Any
-    max_gain: Any
-    weights: ArrayLike | None
-    period: Any
-    sigma: ArrayLike | None
-    autocovariance: ArrayLike | None
-    edge_window: str
-    nan_policy: str
-    return_std: bool
-    return_support: bool
-    return_bias: bool
+    t: ArrayLike | None = None
+    at: ArrayLike | None = None
+    window_duration: Any = None
+    min_support: Any = None
+    max_gain: Any = None
+    weights: ArrayLike | None = None
+    period: Any = None
+    sigma: ArrayLike | None = None
+    autocovariance: ArrayLike | None = None
+    edge_window: str = "full"
+    nan_policy: str = "propagate"
+    return_std: bool = False
+    return_support: bool = False
+    return_bias: bool = False
 
 
 class Call(NamedTuple):

@@ -116,7 +116,8 @@ class Source(ABC):
 
     def stamp(self) -> list[int]:
         """Return numbers that change when the file does: its size and the time of its last change."""
-        return file_stamp(self.path)
+        status = os.stat(self.path)
+        return [status.st_size, status.st_mtime_ns]
 
     def close(self) -> None:
         """Close the file."""
@@ -128,12 +129,6 @@ class Source(ABC):
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def file_stamp(path: Path) -> list[int]:
-    """Return the size of a file and the time of its last change."""
-    status = os.stat(path)
-    return [status.st_size, status.st_mtime_ns]
 
 
 @dataclass(frozen=True)

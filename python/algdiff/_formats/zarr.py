@@ -19,7 +19,7 @@ from zarr.storage import LocalStore
 from algdiff._formats import nodes, steps
 from algdiff._formats.base import Layout, Options, Place, Samples, Source, Target
 from algdiff._formats.chunks import chunks_for
-from algdiff._output import _sync_folder
+from algdiff._output import sync_folder
 
 CONFIG = {"array.write_empty_chunks": True}
 """Chunks are written whatever they hold, so that one that is missing is one that was lost."""
@@ -181,7 +181,7 @@ class _Folder(LocalStore):
             finally:
                 os.close(handle)
         for folder in {folder for file in done for folder in file.parents if folder.is_relative_to(self.root.parent)}:
-            _sync_folder(folder)
+            sync_folder(folder)
         self.written.difference_update(done)
 
 
