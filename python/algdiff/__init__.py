@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from algdiff._results import Estimates
     from algdiff._savgol import savgol_coeffs, savgol_filter
     from algdiff._stream import Stream
+    from algdiff._suggest.choice import suggest
+    from algdiff._suggest.suggestion import RiskCurve, Suggestion
     from algdiff._warnings import DesignWarning
 
     __version__: str
@@ -44,7 +46,9 @@ __all__ = [
     "FileReport",
     "InternalError",
     "Kernel",
+    "RiskCurve",
     "Stream",
+    "Suggestion",
     "__version__",
     "delay_tradeoff",
     "differentiate",
@@ -61,6 +65,7 @@ __all__ = [
     "plot_response",
     "savgol_coeffs",
     "savgol_filter",
+    "suggest",
 ]
 
 _HOMES = {
@@ -72,7 +77,9 @@ _HOMES = {
     "FileReport": "_file",
     "InternalError": "_core",
     "Kernel": "_kernel",
+    "RiskCurve": "_suggest.suggestion",
     "Stream": "_stream",
+    "Suggestion": "_suggest.suggestion",
     "delay_tradeoff": "_choice",
     "differentiate": "_differentiate",
     "differentiate_file": "_file",
@@ -87,6 +94,7 @@ _HOMES = {
     "plot_response": "_plot",
     "savgol_coeffs": "_savgol",
     "savgol_filter": "_savgol",
+    "suggest": "_suggest.choice",
 }
 """Where names come from; they are imported when they are asked for. ``algdiff --help`` needs none, nor NumPy."""
 

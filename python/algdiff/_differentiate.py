@@ -31,6 +31,7 @@ def differentiate(
     t: ArrayLike | None = None,
     at: ArrayLike | None = None,
     window_duration: float | np.timedelta64 | None = None,
+    local: bool = False,
     axis: int = -1,
     mode: str = "fit",
     cval: complex = 0.0,
@@ -54,14 +55,16 @@ def differentiate(
     """Differentiate noisy samples by a sliding window.
 
     The same as ``Differentiator(window_length, deriv, ...)(x, ...)``, which says what the arguments mean. Make the
-    object yourself to use one design again, or to know its delay, noise gain and weights.
+    object yourself to use one design again, or to know its delay, noise gain and weights. Without a window it is
+    ``suggest(x, deriv, ...)(x, ...)``, which chooses one from the samples; ask `suggest` what it chose, and why.
 
     Parameters
     ----------
     x : array_like
         Samples, `delta` apart along `axis`.
-    window_length : int
-        Number of samples in the window. Give this or `window_duration`.
+    window_length : int, optional
+        Number of samples in the window. By default, and without `window_duration`, it is chosen from `x`, and so is
+        `degree`.
     deriv : int or sequence of int
         Order of the derivative; 0 smooths. Several are computed in one pass.
     degree : int, optional
@@ -80,6 +83,8 @@ def differentiate(
         Times at which estimates are wanted, instead of those of the samples.
     window_duration : float or timedelta64, optional
         Duration of the window.
+    local : bool
+        Of a chosen window: let it adapt along the signal.
     axis : int
         The axis of time in `x`.
     mode : {"fit", "valid", "nan", "nearest", "mirror", "wrap", "constant"}
@@ -139,31 +144,35 @@ def differentiate(
         deriv = orders.checked(deriv)
     if t is not None and (delta is not None or fs is not None):
         raise ValueError("give t, delta or fs: got t and another")
+    call = {
+        "mode": mode,
+        "cval": cval,
+        "edge_window": edge_window,
+        "nan_policy": nan_policy,
+        "min_support": min_support,
+        "max_gain": max_gain,
+        "weights": weights,
+        "period": period,
+        "return_std": return_std,
+        "return_support": return_support,
+        "return_bias": return_bias,
+        "sigma": sigma,
+        "autocovariance": autocovariance,
+        "out": out,
+        "threads": threads,
+    }
+    if window_length is None and window_duration is None:
+        from algdiff._suggest.once import differentiated
+
+        design = {"degree": degree, "kappa": kappa, "mu": mu, "delta": delta, "fs": fs, "t": t, "local": local}
+        refused = {"tau": tau, "delay": delay, "rule": None if rule == "exact" else rule, "trim": trim or None}
+        return differentiated(x, deriv, axis, design, {**refused, "at": at}, engine, call)
+    if local:
+        raise ValueError("local must be left out where a window is given: it is for chosen ones")
     if window_length is None or window_duration is not None:
         step = arguments.sampling_step(delta, fs)
         window_length = lasting(window_duration, window_length, dask.held(t), step, degree, deriv)
     design = remembered(window_length, deriv, degree, kappa, mu, tau, delay, delta, fs, rule, trim, engine)
     if design._crowded:
         design._warn()
-    return design(
-        x,
-        axis,
-        mode=mode,
-        cval=cval,
-        t=t,
-        at=at,
-        window_duration=window_duration,
-        edge_window=edge_window,
-        nan_policy=nan_policy,
-        min_support=min_support,
-        max_gain=max_gain,
-        weights=weights,
-        period=period,
-        return_std=return_std,
-        return_support=return_support,
-        return_bias=return_bias,
-        sigma=sigma,
-        autocovariance=autocovariance,
-        out=out,
-        threads=threads,
-    )
+    return design(x, axis, t=t, at=at, window_duration=window_duration, **call)

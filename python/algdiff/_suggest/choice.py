@@ -1,0 +1,355 @@
+"""The choice of a window from samples, with what users ask of it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple, SupportsIndex
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from algdiff import _arguments as arguments
+from algdiff import _dask as dask
+from algdiff._arguments import Samples
+from algdiff._differentiator import Differentiator
+from algdiff._kernel import Kernel
+from algdiff._noise import noise_level
+from algdiff._orders import checked
+from algdiff._suggest import delayed, edges, noise
+from algdiff._suggest.candidates import design, even_degrees
+from algdiff._suggest.level import Level, Limits, choose
+from algdiff._suggest.rows import blocks, finite_rows
+from algdiff._suggest.suggestion import RiskCurve, Suggestion
+from algdiff._times import Stamps
+
+Floats = NDArray[np.float64]
+
+FEWEST = 5
+"""Samples that a choice needs."""
+
+
+class Wanted(NamedTuple):
+    """Arguments of `suggest` that say what is wanted, checked."""
+
+    orders: int | tuple[int, ...]
+    delta: float
+    kappa: float
+    mu: float
+    limits: Limits
+    said: tuple[str, ...]
+    sigma: float | None
+    noise: str
+    delay: float | None
+    local: bool
+
+    @property
+    def deriv(self) -> int:
+        """The order that is chosen for: the highest."""
+        return max(self.orders) if isinstance(self.orders, tuple) else self.orders
+
+
+class Chosen(NamedTuple):
+    """A choice: the design, the rows and the level that it was made from."""
+
+    design: Differentiator
+    rows: Floats
+    scale: Floats
+    level: Level
+    sigma: float
+    bias2: float
+    variance: float
+
+
+def wanted(
+    deriv: Any,
+    length: int,
+    *,
+    degree: SupportsIndex | None = None,
+    kappa: float = 1.0,
+    mu: float = 1.0,
+    delta: float = 1.0,
+    sigma: float | None = None,
+    noise: str = "auto",
+    max_delay: float | None = None,
+    bandwidth: float | None = None,
+    min_window: SupportsIndex | None = None,
+    max_window: SupportsIndex | None = None,
+    local: bool = False,
+) -> Wanted:
+    """Return what is wanted of a choice for `length` samples."""
+    orders = checked(deriv)
+    highest = max(orders) if isinstance(orders, tuple) else orders
+    if not (math.isfinite(delta) and delta > 0):
+        raise ValueError(f"delta must be finite and positive, got {delta}")
+    if length < FEWEST + highest:
+        raise ValueError(f"x must have at least {FEWEST + highest} samples to choose a window, got {length}")
+    kappa, mu = arguments.real("kappa", kappa), arguments.real("mu", mu)
+    if kappa != mu or not kappa > -0.5:
+        raise ValueError(f"kappa and mu must be equal and greater than -1/2, got kappa = {kappa} and mu = {mu}")
+    if arguments.word("noise", noise, "a word, one of 'auto', 'white', 'ar1'") not in ("auto", "white", "ar1"):
+        raise ValueError(f"noise must be 'auto', 'white' or 'ar1', got {noise!r}")
+    if sigma is not None:
+        sigma = arguments.level("sigma", sigma)
+        if noise == "ar1":
+            raise ValueError(f"give sigma or noise = 'ar1', not both: got sigma = {sigma}")
+    degrees = tuple(even_degrees(highest))
+    if degree is not None:
+        degrees = (arguments.integer("degree", degree, highest),)
+    least = 3 if min_window is None else arguments.integer("min_window", min_window, 1)
+    most = arguments.MAX_WINDOW if max_window is None else arguments.integer("max_window", max_window, 3)
+    if most < least:
+        raise ValueError(f"max_window must be at least min_window, got {most} and {least}")
+    if least > length:
+        raise ValueError(f"min_window must be at most the number of samples, {length}, got {least}")
+    said = [f"min_window = {least}"] if min_window is not None else []
+    said += [f"max_window = {most}"] if max_window is not None else []
+    longest = dict.fromkeys(degrees, most)
+    if bandwidth is not None:
+        longest = _passing(degrees, highest, kappa, _positive("bandwidth", bandwidth) * delta, most)
+        said.append(f"bandwidth = {bandwidth:g}")
+    if max_delay is not None:
+        max_delay = arguments.real("max_delay", max_delay)
+        if not (math.isfinite(max_delay) and max_delay >= 0):
+            raise ValueError(f"max_delay must be finite and not negative, got {max_delay}")
+        said.append(f"max_delay = {max_delay:g}")
+        max_delay /= delta
+    if local and max_delay is not None:
+        raise ValueError("give local or max_delay, not both: windows that adapt are centered")
+    limits = Limits(longest, least)
+    return Wanted(orders, delta, kappa, mu, limits, tuple(said), sigma, noise, max_delay, bool(local))
+
+
+def _passing(degrees: tuple[int, ...], deriv: int, exponent: float, frequency: float, most: int) -> dict[int, int]:
+    """Return the longest windows, by degree, whose -3 dB point is at least `frequency`, in cycles per sample."""
+    longest = {}
+    for degree in degrees:
+        half_power = Kernel(deriv, degree, exponent, exponent, "center").half_power
+        if half_power is not None:
+            longest[degree] = min(most, int(half_power / (2 * math.pi * frequency)))
+    if not any(window > degree for degree, window in longest.items()):
+        raise ValueError(f"bandwidth must be lower: no window passes {frequency:g} cycles per sample")
+    return longest
+
+
+def _positive(name: str, value: object) -> float:
+    number = arguments.real(name, value)
+    if not (math.isfinite(number) and number > 0):
+        raise ValueError(f"{name} must be finite and positive, got {number}")
+    return number
+
+
+def chosen(x: Samples, axis: int, want: Wanted) -> Chosen:
+    """Return what is chosen for `x` along `axis`."""
+    rows = finite_rows(x, axis)
+    if rows.shape[1] < FEWEST + want.deriv:
+        raise ValueError(
+            f"x must have a run of at least {FEWEST + want.deriv} finite samples to choose a window, got {rows.shape[1]}"
+        )
+    # Rows of one scale are one row: that of their noise, so that none drowns the others.
+    scale = np.ones(len(rows))
+    if want.sigma is None and len(rows) > 1:
+        scale = np.atleast_1d(noise_level(blocks(rows)[: len(rows)], order=3))
+        scale = np.where(scale > 0, scale, scale.max() or 1.0)
+        rows = rows / scale[:, np.newaxis]
+    level = choose(rows, want.deriv, want.limits, want.kappa, want.mu, want.sigma, want.noise)
+    best, step = level.risk.best, level.step
+    degree = int(level.family.degree[best])
+    length = _odd(min(int(level.family.window[best]) * step, x.shape[axis]))
+    white = float(level.sigma[best])
+    sigma = white * math.sqrt(step)
+    made = design(want.orders, length, degree, want.kappa, want.mu, want.delta)
+    per = float(step) ** (-2 * want.deriv)
+    found = Chosen(
+        made, rows, scale, level, sigma, level.risk.found * per, white**2 * float(level.family.gain[best]) * per
+    )
+    return found if want.delay is None else delayed.choose(found, want, made)
+
+
+def _odd(length: int) -> int:
+    return length if length % 2 else length - 1
+
+
+def suggest(
+    x: ArrayLike,
+    deriv: Any = 1,
+    *,
+    degree: SupportsIndex | None = None,
+    kappa: float = 1.0,
+    mu: float = 1.0,
+    delta: float | None = None,
+    fs: float | None = None,
+    t: ArrayLike | None = None,
+    axis: SupportsIndex = -1,
+    sigma: float | None = None,
+    noise: str = "auto",
+    max_delay: float | None = None,
+    bandwidth: float | None = None,
+    min_window: SupportsIndex | None = None,
+    max_window: SupportsIndex | None = None,
+    local: bool = False,
+) -> Suggestion:
+    """Choose a window and a degree from the samples themselves.
+
+    Nothing needs to be known: neither the derivative nor the noise. Of windows of all lengths and of four degrees the
+    one is taken whose estimates are expected to err least, in the mean square over the samples; where that is depends
+    on the noise and on how fast the signal changes, and both are found from how far the estimates of different windows
+    lie apart. ``differentiate(x, delta=...)`` does the same and differentiates.
+
+    Parameters
+    ----------
+    x : array_like
+        Samples along `axis`. One window is chosen for all rows; of more than 16 rows, 16 are looked at, and of long ones
+        16 blocks of 2048 samples at every scale. Where samples are missing, the longest run without gaps is.
+    deriv : int or sequence of int
+        Order of the derivative; of several, the highest is chosen for.
+    degree : int, optional
+        Degree of the local polynomial, if it is not to be chosen.
+    kappa, mu : float
+        Exponents of the weight at the ends of the window, equal and greater than -1/2.
+    delta, fs : float, optional
+        Sampling step (default 1), or sampling rate.
+    t : array_like, optional
+        Instead: the times of the samples, evenly spaced.
+    axis : int
+        The axis of time in `x`.
+    sigma : float, optional
+        The level of the noise, if it is known.
+    noise : {"auto", "white", "ar1"}
+        What kind of noise there is: "white", independent from sample to sample; "ar1", first-order autoregressive, whose
+        correlation is found and allowed for; "auto": white, unless fine windows show that its power falls with the
+        frequency, as a power of it.
+    max_delay : float, optional
+        For causal use: the design may lag the newest sample by no more than this, in the unit of `delta`.
+    bandwidth : float, optional
+        Frequencies up to this one, in cycles per unit of `delta` (Hz), are to pass: the -3 dB point of the design is no
+        lower.
+    min_window, max_window : int, optional
+        Bounds for the window, in samples.
+    local : bool
+        Let the window adapt along the signal: shorter where it changes fast, longer where it does not.
+
+    Returns
+    -------
+    Suggestion
+
+    Raises
+    ------
+    ValueError
+        `x` has too few samples, times are uneven, or what is asked for cannot be met.
+    TypeError
+        An argument is of the wrong type.
+
+    See Also
+    --------
+    optimal_window : From the level of the noise and the bandwidth of the signal, without samples.
+
+    Notes
+    -----
+    The square of the bias counts only where two estimates lie farther apart than noise explains (Lepski 1990), at four
+    standard deviations; the neighbours of the window found so are then compared by unbiased estimates of their risk.
+    The level of the noise is that of the residuals of the smoother of the same window. `docs/choice.md` says how well
+    that does, and where it fails.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import algdiff
+    >>> t = np.linspace(0, 10, 1001)
+    >>> x = np.sin(t) + 0.01 * np.random.default_rng(0).standard_normal(t.size)
+    >>> suggestion = algdiff.suggest(x, delta=0.01)
+    >>> f"{suggestion.noise_level:.2f}"
+    '0.01'
+    >>> causal = algdiff.suggest(x, delta=0.01, max_delay=0.2).differentiator
+    >>> round(causal.delay, 6)
+    0.2
+    """
+    if dask.is_dask(x):
+        raise TypeError("x must be an array in memory: choose from a part of it, as suggest(x[:100000].compute(), ...)")
+    samples = arguments.unmasked("x", x)
+    along = arguments.axis_index(axis, samples.ndim)
+    step = sampled(samples.shape[along], delta, fs, t)
+    want = wanted(
+        deriv,
+        samples.shape[along],
+        degree=degree,
+        kappa=kappa,
+        mu=mu,
+        delta=step,
+        sigma=sigma,
+        noise=noise,
+        max_delay=max_delay,
+        bandwidth=bandwidth,
+        min_window=min_window,
+        max_window=max_window,
+        local=local,
+    )
+    return described(chosen(samples, along, want), want)
+
+
+def sampled(length: int, delta: float | None, fs: float | None, t: ArrayLike | None) -> float:
+    """Return the step of even samples."""
+    if t is None:
+        return arguments.sampling_step(delta, fs)
+    if delta is not None or fs is not None:
+        raise ValueError("give t, delta or fs: got t and another")
+    stamps = Stamps(dask.held(t), length)
+    if stamps.step is None:
+        raise ValueError("t must be evenly spaced to choose a window by: give window_length or window_duration")
+    return stamps.step
+
+
+def descending(t: ArrayLike) -> bool:
+    """Return whether even times run backwards."""
+    times = np.asarray(dask.held(t))
+    return bool(times.size > 1 and times[-1] < times[0])
+
+
+def described(found: Chosen, want: Wanted) -> Suggestion:
+    """Return the suggestion with all that is known of it."""
+    level, scale = found.level, found.scale
+    unit = want.delta**-want.deriv
+    typical = math.sqrt(float(np.square(scale).mean()))
+    noise2, bias2 = _parts(found, want)
+    steps = float(level.step) ** -want.deriv * unit * typical
+    family, risk = level.family, level.risk
+    curve = RiskCurve(
+        family.window * level.step,
+        family.degree,
+        steps * np.sqrt(risk.variance + risk.bias2),
+        steps * np.sqrt(risk.variance),
+        steps * np.sqrt(risk.bias2),
+    )
+    parts = blocks(found.rows)
+    pieces = parts[:, : parts.shape[1] // 16 * 16].reshape(-1, parts.shape[1] // 16) if parts.shape[1] >= 800 else parts
+    levels = np.atleast_1d(noise_level(pieces))
+    return Suggestion(
+        differentiator=found.design,
+        rmse=unit * typical * math.sqrt(noise2 + bias2),
+        noise=unit * typical * math.sqrt(noise2),
+        bias=unit * typical * math.sqrt(bias2),
+        noise_level=found.sigma * typical,
+        noise_range=(float(levels.min()) * typical, float(levels.max()) * typical),
+        correlation=level.correlation,
+        colour=level.exponent,
+        quantum=noise.quantum(found.rows[:1] * scale[0]),
+        curve=curve,
+        limits=want.said,
+        local=want.local,
+    )
+
+
+def _parts(found: Chosen, want: Wanted) -> tuple[float, float]:
+    """Return variance and square of the bias, ends included, for a sampling step of 1."""
+    length, half = found.rows.shape[1], found.design.window_length // 2
+    if want.delay is not None or half == 0:
+        return found.variance, found.bias2
+    order = (want.deriv,)
+    sigma = np.full(len(found.rows), found.sigma)
+    middle = max(length - 2 * half, 0) / length
+    noise2, bias2 = middle * found.variance, middle * found.bias2
+    for rows in (found.rows, found.rows[:, ::-1]):
+        edge = edges.start(rows, found.design.window_length, found.design.degree, want.kappa, order, sigma)
+        share = min(half, length) / length
+        noise2 += share * float(np.square(edge.std[..., :half]).mean())
+        bias2 += share * max(0.0, float(edge.bias2[..., :half].mean()))
+    return noise2, bias2

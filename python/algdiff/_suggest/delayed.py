@@ -1,0 +1,92 @@
+"""Windows for causal use: the best under a bound on the delay, compared with the best one without."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algdiff._differentiator import Differentiator, rebuild
+from algdiff._suggest.candidates import CROWDED, LARGEST, windows
+from algdiff._suggest.selection import QUANTILE, quantile
+
+if TYPE_CHECKING:
+    from algdiff._suggest.choice import Chosen, Wanted
+
+Floats = NDArray[np.float64]
+
+DEGREES = 4
+"""Degrees that are compared, from that of the derivative on."""
+
+PLACES = 4000
+"""Where estimates are compared."""
+
+
+def choose(found: Chosen, want: Wanted, central: Differentiator) -> Chosen:
+    """Return the choice whose estimates lag by no more than `want.delay` samples.
+
+    What the best central window estimates stands for the truth: its error is small against that of any causal one.
+    """
+    assert want.delay is not None
+    if central.delay_samples <= want.delay:
+        return found
+    level = found.level
+    lag = max(want.delay - (level.step - 1) / 2, 0.0) / level.step
+    core = level.family.designs[level.risk.best]
+    half = core.window_length // 2
+    reference = core(level.rows, mode="valid")
+    best: tuple[float, float, float, int, int] | None = None
+    for window, degree in _pairs(want, level.step, level.rows.shape[1], lag):
+        one = _design(want.deriv, window, degree, lag, want.kappa, want.mu)
+        bias2, variance = _risk(one, core, reference, half, level.rows, float(level.sigma[level.risk.best]))
+        if best is None or bias2 + variance < best[0] + best[1]:
+            best = bias2, variance, 0.0, window, degree
+    if best is None:
+        raise ValueError(f"max_delay must be longer, or x: no window fits, got {want.delay * want.delta:g}")
+    bias2, variance, _, window, degree = best
+    made = _design(want.orders, window * level.step, degree, want.delay, want.kappa, want.mu, want.delta)
+    per = float(level.step) ** (-2 * want.deriv)
+    return found._replace(design=made, bias2=bias2 * per, variance=variance * per)
+
+
+def _pairs(want: Wanted, step: int, length: int, lag: float) -> list[tuple[int, int]]:
+    """Return windows that reach at least twice the lag back, and degrees."""
+    degrees = range(want.deriv, want.deriv + DEGREES)
+    if len(want.limits.longest) == 1:
+        degrees = range(next(iter(want.limits.longest)), next(iter(want.limits.longest)) + 1)
+    most = min(LARGEST, length // 2, max(want.limits.longest.values()) // step)
+    lengths = windows(max(math.ceil(want.limits.least / step), math.ceil(2 * lag + 1)), most)
+    return [(w, d) for w in lengths for d in degrees if d < w and d <= CROWDED * math.sqrt(w)]
+
+
+def _design(
+    deriv: int | tuple[int, ...], window: int, degree: int, lag: float, kappa: float, mu: float, delta: float = 1.0
+) -> Differentiator:
+    words = {"window_length": window, "deriv": deriv, "degree": degree, "kappa": kappa, "mu": mu, "delta": delta}
+    return rebuild({**words, "tau": None, "delay": lag * delta, "rule": "exact", "trim": 0.0, "engine": "auto"})
+
+
+def _risk(
+    one: Differentiator, core: Differentiator, reference: Floats, half: int, rows: Floats, sigma: float
+) -> tuple[float, float]:
+    """Return the square of the bias and the variance of a causal design."""
+    lag = one.delay_samples
+    estimates = one(rows, mode="valid")
+    # Output j belongs to sample j + window_length - 1 - lag, a fraction of a sample apart from the core's.
+    first = one.window_length - 1 - lag
+    places = np.arange(math.ceil(max(first, half)), rows.shape[1] - 1 - max(half, math.ceil(lag)))
+    variance = sigma**2 * one.noise_gain
+    if places.size < 8:
+        return math.inf, variance
+    places = places[:: max(1, places.size * len(rows) // PLACES)]
+    at = places - first
+    before, share = np.floor(at).astype(int), at - np.floor(at)
+    seen = (1 - share) * estimates[:, before] + share * estimates[:, np.minimum(before + 1, estimates.shape[1] - 1)]
+    apart = seen - reference[:, places - half]
+    noise = sigma**2 * max(one.noise_gain - core.noise_gain, 0.0)
+    freedom = np.array(max(1.0, apart.size / 2, rows.size / one.window_length))
+    distance = float(np.square(apart).mean())
+    bias2 = max(0.0, distance - noise) if distance > noise * float(quantile(freedom, QUANTILE / 2)) else 0.0
+    return bias2, variance

@@ -1,0 +1,56 @@
+"""The rows of samples that a choice is made from: some of a long recording, without those that hold gaps."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algdiff._arguments import Samples
+
+Floats = NDArray[np.float64]
+
+BLOCKS, BLOCK = 16, 2048
+"""How many blocks of how many samples of a level stand for all of it, if it is longer."""
+
+CHANNELS = 16
+"""Rows that stand for all of them."""
+
+
+def finite_rows(x: Samples, axis: int) -> Floats:
+    """Return up to `CHANNELS` rows along `axis` in double precision: real parts, then imaginary ones.
+
+    Where samples are missing, the rows hold the longest run of samples without a gap in any of them.
+    """
+    turned = np.moveaxis(x, axis, -1)
+    flat = turned.reshape(-1, turned.shape[-1]) if turned.flags.c_contiguous or turned.ndim > 1 else turned[np.newaxis]
+    if len(flat) > CHANNELS:
+        flat = flat[np.linspace(0, len(flat) - 1, CHANNELS).astype(int)]
+    parts = [flat.real, flat.imag] if flat.dtype.kind == "c" else [flat]
+    rows = np.concatenate([np.asarray(part, np.float64) for part in parts])
+    there = np.isfinite(rows).all(axis=0)
+    if not there.all():
+        edges = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(np.int8)))
+        runs = edges.reshape(-1, 2)
+        if runs.size == 0:
+            raise ValueError("x must hold samples that are finite, got none")
+        first, last = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))]
+        rows = rows[:, first:last]
+    return rows
+
+
+def blocks(rows: Floats) -> Floats:
+    """Return blocks evenly spread over rows that are too long to be looked at whole."""
+    count, length = rows.shape
+    if count * length <= BLOCKS * BLOCK:
+        return rows
+    size = min(length, max(BLOCK, BLOCKS * BLOCK // count))
+    each = max(1, BLOCKS * BLOCK // (count * size))
+    starts = np.linspace(0, length - size, each).astype(int)
+    return np.concatenate([rows[:, start : start + size] for start in starts])
+
+
+def averaged(rows: Floats, count: int) -> Floats:
+    """Return the means of `count` samples each; what is left over at the end is left out."""
+    whole = rows.shape[1] // count * count
+    means: Floats = rows[:, :whole].reshape(len(rows), -1, count).mean(axis=-1)
+    return means
