@@ -144,7 +144,7 @@ def differentiate(
         deriv = orders.checked(deriv)
     if t is not None and (delta is not None or fs is not None):
         raise ValueError("give t, delta or fs: got t and another")
-    call = {
+    call: dict[str, Any] = {
         "mode": mode,
         "cval": cval,
         "edge_window": edge_window,
@@ -164,9 +164,9 @@ def differentiate(
     if window_length is None and window_duration is None:
         from algdiff._suggest.once import differentiated
 
-        design = {"degree": degree, "kappa": kappa, "mu": mu, "delta": delta, "fs": fs, "t": t, "local": local}
+        asked = {"degree": degree, "kappa": kappa, "mu": mu, "delta": delta, "fs": fs, "t": t, "local": local}
         refused = {"tau": tau, "delay": delay, "rule": None if rule == "exact" else rule, "trim": trim or None}
-        return differentiated(x, deriv, axis, design, {**refused, "at": at}, engine, call)
+        return differentiated(x, deriv, axis, asked, {**refused, "at": at}, engine, call)
     if local:
         raise ValueError("local must be left out where a window is given: it is for chosen ones")
     if window_length is None or window_duration is not None:

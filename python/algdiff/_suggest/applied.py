@@ -68,4 +68,5 @@ def _complex(
     levels = np.full(len(rows), sigma) if sigma is not None else np.asarray(noise_level(rows))
     levels = np.where(np.isfinite(levels), levels, 0.0)
     found = edges.start(rows[:, :reach], design.window_length, design.degree, design.kappa, orders, levels)
-    return found.estimate.reshape(len(orders), *values.shape[:-1], -1)
+    estimate: NDArray[Any] = found.estimate.reshape(len(orders), *values.shape[:-1], -1)
+    return estimate

@@ -19,7 +19,7 @@ LARGEST = 740
 RATIO = 1.2
 """From one window to the next; half of it would gain 1 percent."""
 
-CROWDED = 2.0
+CROWDED = 2.3
 """At most this many degrees per root of the window length: beyond, the noise of a fit grows steeply."""
 
 DEGREES = 4

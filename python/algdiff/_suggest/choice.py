@@ -12,40 +12,15 @@ from algdiff import _arguments as arguments
 from algdiff import _dask as dask
 from algdiff._arguments import Samples
 from algdiff._differentiator import Differentiator
-from algdiff._kernel import Kernel
 from algdiff._noise import noise_level
-from algdiff._orders import checked
 from algdiff._suggest import delayed, edges, noise
-from algdiff._suggest.candidates import design, even_degrees
-from algdiff._suggest.level import Level, Limits, choose
+from algdiff._suggest.candidates import design
+from algdiff._suggest.level import Level, Search
 from algdiff._suggest.rows import blocks, finite_rows
 from algdiff._suggest.suggestion import RiskCurve, Suggestion
-from algdiff._times import Stamps
+from algdiff._suggest.wanted import FEWEST, Wanted, sampled, wanted
 
 Floats = NDArray[np.float64]
-
-FEWEST = 5
-"""Samples that a choice needs."""
-
-
-class Wanted(NamedTuple):
-    """Arguments of `suggest` that say what is wanted, checked."""
-
-    orders: int | tuple[int, ...]
-    delta: float
-    kappa: float
-    mu: float
-    limits: Limits
-    said: tuple[str, ...]
-    sigma: float | None
-    noise: str
-    delay: float | None
-    local: bool
-
-    @property
-    def deriv(self) -> int:
-        """The order that is chosen for: the highest."""
-        return max(self.orders) if isinstance(self.orders, tuple) else self.orders
 
 
 class Chosen(NamedTuple):
@@ -60,90 +35,12 @@ class Chosen(NamedTuple):
     variance: float
 
 
-def wanted(
-    deriv: Any,
-    length: int,
-    *,
-    degree: SupportsIndex | None = None,
-    kappa: float = 1.0,
-    mu: float = 1.0,
-    delta: float = 1.0,
-    sigma: float | None = None,
-    noise: str = "auto",
-    max_delay: float | None = None,
-    bandwidth: float | None = None,
-    min_window: SupportsIndex | None = None,
-    max_window: SupportsIndex | None = None,
-    local: bool = False,
-) -> Wanted:
-    """Return what is wanted of a choice for `length` samples."""
-    orders = checked(deriv)
-    highest = max(orders) if isinstance(orders, tuple) else orders
-    if not (math.isfinite(delta) and delta > 0):
-        raise ValueError(f"delta must be finite and positive, got {delta}")
-    if length < FEWEST + highest:
-        raise ValueError(f"x must have at least {FEWEST + highest} samples to choose a window, got {length}")
-    kappa, mu = arguments.real("kappa", kappa), arguments.real("mu", mu)
-    if kappa != mu or not kappa > -0.5:
-        raise ValueError(f"kappa and mu must be equal and greater than -1/2, got kappa = {kappa} and mu = {mu}")
-    if arguments.word("noise", noise, "a word, one of 'auto', 'white', 'ar1'") not in ("auto", "white", "ar1"):
-        raise ValueError(f"noise must be 'auto', 'white' or 'ar1', got {noise!r}")
-    if sigma is not None:
-        sigma = arguments.level("sigma", sigma)
-        if noise == "ar1":
-            raise ValueError(f"give sigma or noise = 'ar1', not both: got sigma = {sigma}")
-    degrees = tuple(even_degrees(highest))
-    if degree is not None:
-        degrees = (arguments.integer("degree", degree, highest),)
-    least = 3 if min_window is None else arguments.integer("min_window", min_window, 1)
-    most = arguments.MAX_WINDOW if max_window is None else arguments.integer("max_window", max_window, 3)
-    if most < least:
-        raise ValueError(f"max_window must be at least min_window, got {most} and {least}")
-    if least > length:
-        raise ValueError(f"min_window must be at most the number of samples, {length}, got {least}")
-    said = [f"min_window = {least}"] if min_window is not None else []
-    said += [f"max_window = {most}"] if max_window is not None else []
-    longest = dict.fromkeys(degrees, most)
-    if bandwidth is not None:
-        longest = _passing(degrees, highest, kappa, _positive("bandwidth", bandwidth) * delta, most)
-        said.append(f"bandwidth = {bandwidth:g}")
-    if max_delay is not None:
-        max_delay = arguments.real("max_delay", max_delay)
-        if not (math.isfinite(max_delay) and max_delay >= 0):
-            raise ValueError(f"max_delay must be finite and not negative, got {max_delay}")
-        said.append(f"max_delay = {max_delay:g}")
-        max_delay /= delta
-    if local and max_delay is not None:
-        raise ValueError("give local or max_delay, not both: windows that adapt are centered")
-    limits = Limits(longest, least)
-    return Wanted(orders, delta, kappa, mu, limits, tuple(said), sigma, noise, max_delay, bool(local))
-
-
-def _passing(degrees: tuple[int, ...], deriv: int, exponent: float, frequency: float, most: int) -> dict[int, int]:
-    """Return the longest windows, by degree, whose -3 dB point is at least `frequency`, in cycles per sample."""
-    longest = {}
-    for degree in degrees:
-        half_power = Kernel(deriv, degree, exponent, exponent, "center").half_power
-        if half_power is not None:
-            longest[degree] = min(most, int(half_power / (2 * math.pi * frequency)))
-    if not any(window > degree for degree, window in longest.items()):
-        raise ValueError(f"bandwidth must be lower: no window passes {frequency:g} cycles per sample")
-    return longest
-
-
-def _positive(name: str, value: object) -> float:
-    number = arguments.real(name, value)
-    if not (math.isfinite(number) and number > 0):
-        raise ValueError(f"{name} must be finite and positive, got {number}")
-    return number
-
-
 def chosen(x: Samples, axis: int, want: Wanted) -> Chosen:
     """Return what is chosen for `x` along `axis`."""
     rows = finite_rows(x, axis)
     if rows.shape[1] < FEWEST + want.deriv:
         raise ValueError(
-            f"x must have a run of at least {FEWEST + want.deriv} finite samples to choose a window, got {rows.shape[1]}"
+            f"x must have {FEWEST + want.deriv} finite samples in a row to choose a window, got {rows.shape[1]}"
         )
     # Rows of one scale are one row: that of their noise, so that none drowns the others.
     scale = np.ones(len(rows))
@@ -151,18 +48,20 @@ def chosen(x: Samples, axis: int, want: Wanted) -> Chosen:
         scale = np.atleast_1d(noise_level(blocks(rows)[: len(rows)], order=3))
         scale = np.where(scale > 0, scale, scale.max() or 1.0)
         rows = rows / scale[:, np.newaxis]
-    level = choose(rows, want.deriv, want.limits, want.kappa, want.mu, want.sigma, want.noise)
+    level = Search(want.deriv, want.limits, want.exponent, want.sigma, want.noise).run(rows)
     best, step = level.risk.best, level.step
     degree = int(level.family.degree[best])
     length = _odd(min(int(level.family.window[best]) * step, x.shape[axis]))
     white = float(level.sigma[best])
     sigma = white * math.sqrt(step)
-    made = design(want.orders, length, degree, want.kappa, want.mu, want.delta)
+    made = design(want.orders, length, degree, want.exponent, want.exponent, want.delta)
     per = float(step) ** (-2 * want.deriv)
     found = Chosen(
         made, rows, scale, level, sigma, level.risk.found * per, white**2 * float(level.family.gain[best]) * per
     )
-    return found if want.delay is None else delayed.choose(found, want, made)
+    if want.delay is None or made.delay_samples <= want.delay:
+        return found
+    return delayed.choose(found, want, want.delay)
 
 
 def _odd(length: int) -> int:
@@ -198,8 +97,8 @@ def suggest(
     Parameters
     ----------
     x : array_like
-        Samples along `axis`. One window is chosen for all rows; of more than 16 rows, 16 are looked at, and of long ones
-        16 blocks of 2048 samples at every scale. Where samples are missing, the longest run without gaps is.
+        Samples along `axis`. One window is chosen for all rows; of more than 16 rows, 16 are looked at, and of long
+        ones 16 blocks of 2048 samples at every scale. Where samples are missing, the longest run without gaps is.
     deriv : int or sequence of int
         Order of the derivative; of several, the highest is chosen for.
     degree : int, optional
@@ -215,9 +114,9 @@ def suggest(
     sigma : float, optional
         The level of the noise, if it is known.
     noise : {"auto", "white", "ar1"}
-        What kind of noise there is: "white", independent from sample to sample; "ar1", first-order autoregressive, whose
-        correlation is found and allowed for; "auto": white, unless fine windows show that its power falls with the
-        frequency, as a power of it.
+        What kind of noise there is: "white", independent from sample to sample; "ar1", first-order autoregressive,
+        whose correlation is found and allowed for; "auto": white, but stronger at low frequencies where windows show
+        so.
     max_delay : float, optional
         For causal use: the design may lag the newest sample by no more than this, in the unit of `delta`.
     bandwidth : float, optional
@@ -267,14 +166,13 @@ def suggest(
         raise TypeError("x must be an array in memory: choose from a part of it, as suggest(x[:100000].compute(), ...)")
     samples = arguments.unmasked("x", x)
     along = arguments.axis_index(axis, samples.ndim)
-    step = sampled(samples.shape[along], delta, fs, t)
     want = wanted(
         deriv,
         samples.shape[along],
+        sampled(samples.shape[along], delta, fs, t),
         degree=degree,
         kappa=kappa,
         mu=mu,
-        delta=step,
         sigma=sigma,
         noise=noise,
         max_delay=max_delay,
@@ -284,24 +182,6 @@ def suggest(
         local=local,
     )
     return described(chosen(samples, along, want), want)
-
-
-def sampled(length: int, delta: float | None, fs: float | None, t: ArrayLike | None) -> float:
-    """Return the step of even samples."""
-    if t is None:
-        return arguments.sampling_step(delta, fs)
-    if delta is not None or fs is not None:
-        raise ValueError("give t, delta or fs: got t and another")
-    stamps = Stamps(dask.held(t), length)
-    if stamps.step is None:
-        raise ValueError("t must be evenly spaced to choose a window by: give window_length or window_duration")
-    return stamps.step
-
-
-def descending(t: ArrayLike) -> bool:
-    """Return whether even times run backwards."""
-    times = np.asarray(dask.held(t))
-    return bool(times.size > 1 and times[-1] < times[0])
 
 
 def described(found: Chosen, want: Wanted) -> Suggestion:
@@ -330,7 +210,7 @@ def described(found: Chosen, want: Wanted) -> Suggestion:
         noise_level=found.sigma * typical,
         noise_range=(float(levels.min()) * typical, float(levels.max()) * typical),
         correlation=level.correlation,
-        colour=level.exponent,
+        colour=float(level.sigma[level.risk.best]) / level.white,
         quantum=noise.quantum(found.rows[:1] * scale[0]),
         curve=curve,
         limits=want.said,
@@ -348,7 +228,7 @@ def _parts(found: Chosen, want: Wanted) -> tuple[float, float]:
     middle = max(length - 2 * half, 0) / length
     noise2, bias2 = middle * found.variance, middle * found.bias2
     for rows in (found.rows, found.rows[:, ::-1]):
-        edge = edges.start(rows, found.design.window_length, found.design.degree, want.kappa, order, sigma)
+        edge = edges.start(rows, found.design.window_length, found.design.degree, want.exponent, order, sigma)
         share = min(half, length) / length
         noise2 += share * float(np.square(edge.std[..., :half]).mean())
         bias2 += share * max(0.0, float(edge.bias2[..., :half].mean()))

@@ -13,7 +13,8 @@ from algdiff._suggest.candidates import CROWDED, LARGEST, windows
 from algdiff._suggest.selection import QUANTILE, quantile
 
 if TYPE_CHECKING:
-    from algdiff._suggest.choice import Chosen, Wanted
+    from algdiff._suggest.choice import Chosen
+    from algdiff._suggest.wanted import Wanted
 
 Floats = NDArray[np.float64]
 
@@ -24,29 +25,26 @@ PLACES = 4000
 """Where estimates are compared."""
 
 
-def choose(found: Chosen, want: Wanted, central: Differentiator) -> Chosen:
-    """Return the choice whose estimates lag by no more than `want.delay` samples.
+def choose(found: Chosen, want: Wanted, delay: float) -> Chosen:
+    """Return the choice whose estimates lag by `delay` samples.
 
     What the best central window estimates stands for the truth: its error is small against that of any causal one.
     """
-    assert want.delay is not None
-    if central.delay_samples <= want.delay:
-        return found
     level = found.level
-    lag = max(want.delay - (level.step - 1) / 2, 0.0) / level.step
+    lag = max(delay - (level.step - 1) / 2, 0.0) / level.step
     core = level.family.designs[level.risk.best]
     half = core.window_length // 2
     reference = core(level.rows, mode="valid")
     best: tuple[float, float, float, int, int] | None = None
     for window, degree in _pairs(want, level.step, level.rows.shape[1], lag):
-        one = _design(want.deriv, window, degree, lag, want.kappa, want.mu)
+        one = _design(want.deriv, window, degree, lag, want.exponent)
         bias2, variance = _risk(one, core, reference, half, level.rows, float(level.sigma[level.risk.best]))
         if best is None or bias2 + variance < best[0] + best[1]:
             best = bias2, variance, 0.0, window, degree
     if best is None:
-        raise ValueError(f"max_delay must be longer, or x: no window fits, got {want.delay * want.delta:g}")
+        raise ValueError(f"max_delay must be longer, or x: no window fits, got {delay * want.delta:g}")
     bias2, variance, _, window, degree = best
-    made = _design(want.orders, window * level.step, degree, want.delay, want.kappa, want.mu, want.delta)
+    made = _design(want.orders, window * level.step, degree, delay, want.exponent, want.delta)
     per = float(level.step) ** (-2 * want.deriv)
     return found._replace(design=made, bias2=bias2 * per, variance=variance * per)
 
@@ -62,10 +60,12 @@ def _pairs(want: Wanted, step: int, length: int, lag: float) -> list[tuple[int, 
 
 
 def _design(
-    deriv: int | tuple[int, ...], window: int, degree: int, lag: float, kappa: float, mu: float, delta: float = 1.0
+    deriv: int | tuple[int, ...], window: int, degree: int, lag: float, exponent: float, delta: float = 1.0
 ) -> Differentiator:
-    words = {"window_length": window, "deriv": deriv, "degree": degree, "kappa": kappa, "mu": mu, "delta": delta}
-    return rebuild({**words, "tau": None, "delay": lag * delta, "rule": "exact", "trim": 0.0, "engine": "auto"})
+    words = {"window_length": window, "deriv": deriv, "degree": degree, "delta": delta, "kappa": exponent}
+    return rebuild(
+        {**words, "mu": exponent, "tau": None, "delay": lag * delta, "rule": "exact", "trim": 0.0, "engine": "auto"}
+    )
 
 
 def _risk(

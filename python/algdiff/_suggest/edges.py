@@ -21,7 +21,7 @@ from algdiff._suggest.selection import quantile
 
 Floats = NDArray[np.float64]
 
-WINDOWS = ((0.75, 1), (0.9, 2), (1.05, 3))
+WINDOWS = ((0.75, 1), (0.9, 1), (1.05, 1))
 """The windows at the ends over that in the middle, and by how much their highest degrees are above that there."""
 
 FACTORS = (1.0, 0.7, 0.5, 0.35, 0.25)
@@ -32,6 +32,9 @@ BLEND = 0.15
 
 BEYOND, DEVIATIONS = 3, 4.0
 """Coefficients of yet higher degree, and standard deviations of their sum of squares beyond which they are no noise."""
+
+MORE = 6
+"""Coefficients beyond the degree of a row by which it is told whether the row is one polynomial."""
 
 CAUTION = 6.0
 """A coefficient counts by ``1 - CAUTION sigma^2 / c^2``."""
@@ -126,6 +129,18 @@ def start(
         if left.size == 0:
             break
     return edge
+
+
+def is_polynomial(rows: Floats, degree: int, sigma: float) -> bool:
+    """Return whether noise explains the next coefficients beyond a polynomial of some degree in each whole row."""
+    more = min(MORE, rows.shape[1] - degree - 1)
+    if more < 1:
+        return True
+    values = basis(rows.shape[1], degree + more, (), 0).values[:, degree + 1 :]
+    squares = float(np.square((rows - rows[:, :1]) @ values).sum())
+    freedom = more * len(rows)
+    explained: bool = squares <= freedom * sigma**2 * float(quantile(np.array(float(freedom)), DEVIATIONS))
+    return explained
 
 
 class _Tried(NamedTuple):

@@ -1,8 +1,7 @@
 """The choice at one level: the samples themselves, or means of three, nine, ... of them.
 
 Averaging keeps the windows that are compared short. If the best of them is among the longest, the choice is made again
-with samples averaged by threes, whose noise is weaker by the root of three; and if noise is coloured, its level there is
-that of the slow part, which is what counts.
+with samples averaged by threes, whose noise is weaker by the root of three.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from algdiff._suggest import noise
+from algdiff._suggest import edges, noise
 from algdiff._suggest.candidates import LARGEST, Family, family, windows
 from algdiff._suggest.distances import distances
 from algdiff._suggest.rows import averaged, blocks
@@ -23,6 +22,9 @@ Floats = NDArray[np.float64]
 
 FEW = 3
 """Samples that are averaged from one level to the next."""
+
+KNOWN = 55
+"""Shorter windows are not looked at again at the next level, where they were no worse than longer ones."""
 
 LONG = 490
 """A window longer than this is looked for at the next level."""
@@ -39,7 +41,7 @@ class Limits(NamedTuple):
 
     def lengths(self, step: int, length: int) -> tuple[tuple[int, tuple[int, ...]], ...]:
         """Return the windows of every degree, where `step` of the samples were averaged and `length` are left."""
-        least = math.ceil(self.least / step)
+        least = max(math.ceil(self.least / step), 1 if step == 1 else KNOWN)
         return tuple((d, tuple(windows(least, min(LARGEST, length, most // step)))) for d, most in self.longest.items())
 
 
@@ -58,8 +60,8 @@ class Level(NamedTuple):
         Theirs.
     sigma : ndarray
         Level of the noise in the averaged samples, as it is for each candidate.
-    correlation, exponent : float
-        Of AR(1) noise, and of noise whose power falls with the frequency; 0 for white noise.
+    white, correlation : float
+        The least level, and the correlation of neighbours in AR(1) noise.
     """
 
     step: int
@@ -67,74 +69,119 @@ class Level(NamedTuple):
     family: Family
     risk: Risk
     sigma: Floats
+    white: float
     correlation: float
+
+
+class Search(NamedTuple):
+    """What is looked for.
+
+    Attributes
+    ----------
+    deriv : int
+        Order of the derivative.
+    limits : Limits
+        What windows may be.
+    exponent : float
+        kappa and mu.
+    sigma : float or None
+        The level of the noise, if it is known.
+    kind : str
+        What kind of noise it is.
+    """
+
+    deriv: int
+    limits: Limits
     exponent: float
+    sigma: float | None
+    kind: str
+
+    def run(self, rows: Floats) -> Level:
+        """Return the level at which the best window is not among the longest, and what was found there."""
+        level, step = self._first(rows), 1
+        while level.family.window[level.risk.best] > LONG:
+            rows, step = averaged(rows, FEW), step * FEW
+            if not any(lengths for _, lengths in self.limits.lengths(step, rows.shape[1])):
+                break
+            level = self._next(rows, step, level)
+        return level
+
+    def _first(self, rows: Floats) -> Level:
+        """Return what is found from the samples themselves."""
+        rows = blocks(rows)
+        members = self._members(rows, 1)
+        apart = distances(rows, members)
+        if self.sigma is not None:
+            return self._found(rows, 1, members, apart, max(self.sigma, _floor(rows)), 0.0)
+        level, correlation, seen = max(noise.first_guess(rows), _floor(rows)), 0.0, None
+        for _ in range(ROUNDS):
+            best = select(*apart, members, self._levels(apart, members, level)).best
+            if seen == (best, correlation):
+                break
+            seen = best, correlation
+            window, degree = _moderate(best, members), int(members.degree[best])
+            left = noise.residuals(rows, window, degree, self.exponent, self.exponent)
+            if left is None:
+                break
+            level = max(left.level, _floor(rows))
+            if self.kind == "ar1" and correlation == 0.0:
+                correlation = left.correlation()
+                if correlation:
+                    members = self._members(rows, 1, correlation)
+        return self._found(rows, 1, members, apart, level, correlation)
+
+    def _next(self, rows: Floats, step: int, last: Level) -> Level:
+        """Return what is found from means of samples, from what was found from fewer of them each."""
+        rows = blocks(rows)
+        members = self._members(rows, step)
+        # What is left of correlated noise after averaging is white, and stronger than white noise would be.
+        slow = 1.0 if last.step > 1 else math.sqrt((1.0 + last.correlation) / (1.0 - last.correlation))
+        sigma = float(last.sigma[last.risk.best]) * slow / math.sqrt(FEW)
+        found = self._found(rows, step, members, distances(rows, members), max(sigma, _floor(rows)), 0.0)
+        return found._replace(white=last.white / math.sqrt(FEW), correlation=last.correlation)
+
+    def _members(self, rows: Floats, step: int, correlation: float = 0.0) -> Family:
+        lengths = self.limits.lengths(step, rows.shape[1])
+        return family(self.deriv, lengths, self.exponent, self.exponent, correlation)
+
+    def _levels(self, apart: tuple[Floats, Floats], members: Family, level: float) -> Floats:
+        """Return the level of the noise for each candidate."""
+        if self.kind == "auto" and self.sigma is None:
+            return noise.coloured(*apart, members, level, STEEPEST * self.deriv)
+        return np.full(members.gain.size, level)
+
+    def _found(
+        self, rows: Floats, step: int, members: Family, apart: tuple[Floats, Floats], level: float, correlation: float
+    ) -> Level:
+        levels = self._levels(apart, members, level)
+        risk = select(*apart, members, levels)
+        if 2 * members.window[risk.best] > rows.shape[1] and not edges.is_polynomial(
+            rows, int(members.degree[risk.best]) + 1, float(levels[risk.best])
+        ):
+            # Windows of more than half of the rows see too little of their ends to tell of the bias there.
+            risk = select(*apart, members, levels, 2 * members.window <= rows.shape[1])
+        return Level(step, rows, members, risk, levels, level, correlation)
 
 
-def choose(
-    rows: Floats, deriv: int, limits: Limits, kappa: float, mu: float, sigma: float | None, kind: str
-) -> Level:
-    """Return the level at which the best window is not among the longest, and what was found there."""
-    step = 1
-    while True:
-        level = _at(rows, step, deriv, limits, kappa, mu, sigma, kind)
-        window = int(level.family.window[level.risk.best])
-        longer = limits.lengths(step * FEW, rows.shape[1] // FEW)
-        if window <= LONG or not any(lengths and lengths[-1] > LARGEST // FEW for _, lengths in longer):
-            return level
-        rows, step = averaged(rows, FEW), step * FEW
+def _floor(rows: Floats) -> float:
+    return FLOOR * float(np.abs(rows - rows.mean(axis=1, keepdims=True)).max())
 
 
-def _at(
-    rows: Floats,
-    step: int,
-    deriv: int,
-    limits: Limits,
-    kappa: float,
-    mu: float,
-    sigma: float | None,
-    kind: str,
-) -> Level:
-    """Return what is found at one level."""
-    rows = blocks(rows)
-    lengths = limits.lengths(step, rows.shape[1])
-    members = family(deriv, lengths, kappa, mu)
-    distance, freedom = distances(rows, members)
-    floor = FLOOR * float(np.abs(rows - rows.mean(axis=1, keepdims=True)).max())
-    if sigma is not None:
-        level = sigma / math.sqrt(step)
-        levels = np.full(members.gain.size, max(level, floor))
-        return Level(step, rows, members, select(distance, freedom, members, levels), levels, 0.0, 0.0)
-    first = level = max(noise.first_guess(rows), floor)
-    levels = np.full(members.gain.size, level)
-    correlation, exponent, seen = 0.0, 0.0, None
-    for _ in range(ROUNDS):
-        risk = select(distance, freedom, members, levels)
-        if seen == (risk.best, correlation):
-            break
-        seen = risk.best, correlation
-        if kind == "auto":
-            tint = noise.colour(distance, freedom, members, risk.best)
-            if tint is not None:
-                exponent, levels = tint.exponent, np.maximum(tint.sigma, floor)
-                continue
-        left = noise.residuals(rows, _moderate(risk.best, members, rows), int(members.degree[risk.best]), kappa, mu)
-        if left is None:
-            break
-        if kind == "ar1" and correlation == 0.0:
-            correlation = left.correlation()
-            if correlation:
-                members, first = family(deriv, lengths, kappa, mu, correlation), math.inf
-        levels = np.full(members.gain.size, max(min(left.level, first), floor))
-    return Level(step, rows, members, select(distance, freedom, members, levels), levels, correlation, exponent)
+def _moderate(best: int, members: Family) -> int:
+    """Return a window that smooths no more than it must: a candidate's own, or a shorter one of its degree."""
+    window, degree = int(members.window[best]), members.degree[best]
+    chain = members.window[(members.degree == degree) & (members.window >= SHORT * (degree + 1))]
+    return min(window, int(chain[0])) if chain.size else window
 
 
-def _moderate(best: int, members: Family, rows: Floats) -> int:
-    """Return the window of a candidate, or the longest of its degree that leaves two thirds of the residuals."""
-    window = int(members.window[best])
-    chain = members.window[(members.degree == members.degree[best]) & (members.window <= rows.shape[1] // 3)]
-    return min(window, int(chain[-1])) if chain.size else window
+STEEPEST = 1.0
+"""The power of the window that the power of noise may rise by, over the order of the derivative.
 
+What lies between neighbours would not fall with a power of ``2 deriv + 1``.
+"""
+
+SHORT = 3
+"""Samples of a window per coefficient of its polynomial that leave enough noise to tell its level by."""
 
 FLOOR = 1e-9
 """The noise is at least this share of the samples: their own rounding, and that of what is compared."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from algdiff._noise import noise_level
 from algdiff._suggest.candidates import Family, design
+from algdiff._suggest.selection import QUANTILE, quantile
 
 Floats = NDArray[np.float64]
 
@@ -90,48 +91,24 @@ def residuals(rows: Floats, window_length: int, degree: int, kappa: float, mu: f
     return Residuals(math.sqrt(float((values**2).mean()) / share), values, weights)
 
 
-class Colour(NamedTuple):
-    """Noise whose power falls with the frequency f as ``f**-exponent``.
+def coloured(distance: Floats, freedom: Floats, family: Family, sigma: float, steepest: float) -> Floats:
+    """Return the level of the noise as it is for each candidate, `sigma` or more.
 
-    Attributes
-    ----------
-    exponent : float
-        0 for white noise.
-    sigma : ndarray
-        The level of white noise that does to a candidate what this noise does.
+    Windows of nearly one length see the noise of one band. As windows grow, what lies between the estimates of two
+    neighbours falls if it is noise, with the power that is left at low frequencies, and rises if it is bias. So where
+    it is more than white noise explains, the level may rise with the window, but no faster than such noise makes it.
     """
+    levels = np.full(family.gain.size, sigma**2)
+    for degree in np.unique(family.degree):
+        chain = np.flatnonzero(family.degree == degree)
+        for finer, last, one in zip(chain, chain[1:], chain[2:], strict=False):
+            ratio = distance[one, finer] / family.difference[one, finer]
+            if ratio > sigma**2 * float(quantile(np.array(freedom[one, finer]), QUANTILE)):
+                most = levels[last] * (family.window[one] / family.window[last]) ** steepest
+                levels[one] = max(sigma**2, min(ratio, most))
+    roots: Floats = np.sqrt(levels)
+    return roots
 
-    exponent: float
-    sigma: Floats
-
-
-def colour(distance: Floats, freedom: Floats, family: Family, best: int) -> Colour | None:
-    """Return the colour of the noise, if candidates finer than `best` show one.
-
-    Windows that differ by half see the noise of one band. In white noise the squares of their differences over what
-    unit noise makes of them are all the same; bias makes them rise with more than the fifth power of the window.
-    """
-    chain = np.flatnonzero(family.degree == family.degree[best])
-    chain = chain[family.window[chain] <= 0.7 * family.window[best]]
-    if chain.size < 5:
-        return None
-    finer, coarser = chain[:-2], chain[2:]
-    ratio = distance[coarser, finer] / family.difference[coarser, finer]
-    if not (ratio > 0).all():
-        return None
-    place = 0.5 * np.log(family.window[coarser] * family.window[finer].astype(float))
-    shares = np.sqrt(freedom[coarser, finer] / 2)
-    slope, offset = np.polyfit(place, np.log(ratio), 1, w=shares)
-    spread = 1.0 / math.sqrt(float((shares**2 * (place - np.average(place, weights=shares**2)) ** 2).sum()))
-    if slope < STEEP or slope < COLOURED * spread:
-        return None
-    slope = min(slope, STEEPEST)
-    at = np.log(family.window / np.sqrt(1.2))
-    return Colour(float(slope), np.exp(0.5 * (offset + slope * at)))
-
-
-STEEP, STEEPEST = 0.2, 2.0
-"""Exponents that count as colour."""
 
 FEWEST = 8
 """Residuals that tell of a level."""

@@ -9,8 +9,10 @@ from numpy.typing import ArrayLike
 
 from algdiff import _arguments as arguments
 from algdiff import _dask as dask
-from algdiff._suggest.choice import chosen, descending, sampled, wanted
+from algdiff._results import Estimates
+from algdiff._suggest.choice import chosen
 from algdiff._suggest.suggestion import apply
+from algdiff._suggest.wanted import descending, sampled, wanted
 
 
 def differentiated(
@@ -42,8 +44,8 @@ def differentiated(
     for name, value in refused.items():
         if value is not None:
             raise ValueError(
-                f"window_length must be given with {name}, got {name} = {value!r} alone; algdiff.suggest chooses a window "
-                "and takes max_delay"
+                f"window_length must be given with {name}, got {name} = {value!r} alone; algdiff.suggest chooses a "
+                "window and takes max_delay"
             )
     if dask.is_dask(x):
         raise ValueError(
@@ -54,18 +56,14 @@ def differentiated(
     t = asked.pop("t")
     delta = sampled(samples.shape[along], asked.pop("delta"), asked.pop("fs"), t)
     level = None if call["sigma"] is None or np.ndim(call["sigma"]) else arguments.level("sigma", call["sigma"])
-    want = wanted(deriv, samples.shape[along], delta=delta, sigma=level, **asked)
+    want = wanted(deriv, samples.shape[along], delta, sigma=level, **asked)
     found = chosen(samples, along, want)
     design = found.design if engine == "auto" else found.design.replace(engine=engine)
     sigma = found.sigma * float(found.scale[0]) if len(found.scale) == 1 else None
     backwards = t is not None and descending(t)
-    given = np.flip(x, along) if backwards else x  # type: ignore[arg-type]
-    result = apply(design, given, axis, call.pop("mode"), sigma, want.local, call)
     if not backwards:
-        return result
-    flipped = [None if part is None else np.flip(part, along - samples.ndim) for part in _parts(result)]
-    return type(result)(*flipped) if isinstance(result, tuple) else flipped[0]
-
-
-def _parts(result: Any) -> tuple[Any, ...]:
-    return result if isinstance(result, tuple) else (result,)
+        return apply(design, x, axis, call.pop("mode"), sigma, want.local, call)
+    result = apply(design, np.flip(samples, along), axis, call.pop("mode"), sigma, want.local, call)
+    if not isinstance(result, Estimates):
+        return np.flip(result, along - samples.ndim)
+    return Estimates(*(None if part is None else np.flip(part, along - samples.ndim) for part in result))  # type: ignore[arg-type]

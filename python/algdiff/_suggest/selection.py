@@ -19,7 +19,7 @@ from algdiff._suggest.candidates import Family
 
 Floats = NDArray[np.float64]
 
-QUANTILE = 4.0
+QUANTILE = 4.5
 """In standard deviations: hundreds of comparisons of one family hardly ever go beyond by chance."""
 
 REACH = 20.0
@@ -54,7 +54,9 @@ class Risk(NamedTuple):
     found: float
 
 
-def select(distance: Floats, freedom: Floats, family: Family, sigma: Floats) -> Risk:
+def select(
+    distance: Floats, freedom: Floats, family: Family, sigma: Floats, allowed: NDArray[np.bool_] | None = None
+) -> Risk:
     """Return the risk of the candidates.
 
     Parameters
@@ -65,9 +67,10 @@ def select(distance: Floats, freedom: Floats, family: Family, sigma: Floats) -> 
         The candidates.
     sigma : ndarray of shape (K,)
         Level of the noise, as it is for each candidate.
+    allowed : ndarray of bool, optional
+        Which candidates may be chosen.
     """
-    noisier = np.where(family.gain[None, :] > family.gain[:, None], sigma[None, :], sigma[:, None])
-    noise = noisier**2 * family.difference
+    noise = np.maximum(sigma, sigma[:, None]) ** 2 * family.difference
     bound = noise * quantile(freedom, QUANTILE)
     seen = np.where(distance > bound, distance - noise, 0.0)
     finer = (family.gain > STEP * family.gain[:, None]) & (family.gain <= REACH * family.gain[:, None])
@@ -81,7 +84,10 @@ def select(distance: Floats, freedom: Floats, family: Family, sigma: Floats) -> 
         excess = np.maximum(roots - np.sqrt(bias2), 0.0).max(axis=1)
         bias2 = _rising(np.maximum(own, excess**2), family)
     variance = sigma**2 * family.gain
-    return _refined(Risk(int(np.argmin(bias2 + variance)), bias2, variance, math.nan), distance - noise, family)
+    total = bias2 + variance
+    if allowed is not None and allowed.any():
+        total = np.where(allowed, total, math.inf)
+    return _refined(Risk(int(np.argmin(total)), bias2, variance, math.nan), distance - noise, family)
 
 
 def _rising(bias2: Floats, family: Family) -> Floats:

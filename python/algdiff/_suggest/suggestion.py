@@ -69,8 +69,8 @@ class Suggestion:
     noise_range : tuple of float
         The least and the largest level in parts of the samples.
     correlation, colour : float
-        Of noise that is coloured: the correlation of neighbours (``noise="ar1"``), or the exponent by which its power
-        falls with the frequency; 0 if it is white.
+        Of noise that is coloured: the correlation of neighbours in AR(1) noise (``noise="ar1"``), or 0; and by which
+        factor its level at the scale of the window exceeds that from sample to sample, or 1.
     quantum : float
         The step that all samples are multiples of, if there is one and they show it; else 0.
     curve : RiskCurve

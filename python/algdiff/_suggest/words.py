@@ -29,8 +29,8 @@ def explain(suggestion: Suggestion) -> str:
     low, high = suggestion.noise_range
     if low > 0 and high > UNEVEN * low:
         lines.append(
-            f"Its level changes from {low:.3g} to {high:.3g} along the samples; one window is a compromise, so consider "
-            "local=True, or weights of 1 / level**2."
+            f"Its level changes from {low:.3g} to {high:.3g} along the samples; one window is a compromise, "
+            "so consider local=True, or weights of 1 / level**2."
         )
     if suggestion.quantum:
         lines.append(
@@ -64,6 +64,6 @@ def _where(suggestion: Suggestion) -> str:
 def _colour(suggestion: Suggestion) -> str:
     if suggestion.correlation:
         return f", and coloured: neighbours correlate by {suggestion.correlation:.2f}"
-    if suggestion.colour:
-        return f" at the scale of the window, and coloured: its power falls with the frequency f as f^-{suggestion.colour:.2g}"
+    if suggestion.colour > 1:
+        return f", at the scale of the window {suggestion.colour:.2g} times what it is from sample to sample"
     return ""
