@@ -12,6 +12,7 @@ from algdiff._arguments import Samples
 from algdiff._differentiator import Differentiator
 from algdiff._noise import noise_level
 from algdiff._suggest import edges
+from algdiff._suggest.local import adapt
 
 Floats = NDArray[np.float64]
 
@@ -19,7 +20,7 @@ LOOKED_AT = 4096
 """Samples of a row at either end that its level of noise is taken from."""
 
 
-def with_edges(design: Differentiator, x: Any, result: Samples, axis: int, sigma: float | None) -> None:
+def with_edges(design: Differentiator, x: Any, result: Samples, axis: int, sigma: float | None, local: bool) -> None:
     """Put the estimates at the ends of `x` into `result`, which may have a leading axis over orders.
 
     Parameters
@@ -38,6 +39,8 @@ def with_edges(design: Differentiator, x: Any, result: Samples, axis: int, sigma
         return
     turned = np.moveaxis(x, axis, -1)
     out = np.moveaxis(result if design._leading is not None else result[np.newaxis], axis - x.ndim, -1)
+    if local:
+        _adapted(design, turned, out, sigma)
     orders = design.deriv if isinstance(design.deriv, tuple) else (design.deriv,)
     scale = np.array([design.delta**-order for order in orders]).reshape(-1, *(1 for _ in x.shape))
     signs = np.array([(-1.0) ** order for order in orders]).reshape(-1, *(1 for _ in x.shape))
@@ -61,12 +64,23 @@ def _complex(
     values: Samples, reach: int, design: Differentiator, orders: tuple[int, ...], sigma: float | None
 ) -> NDArray[Any]:
     if values.dtype.kind == "c":
-        real = _complex(values.real, reach, design, orders, sigma)
-        imaginary: NDArray[Any] = 1j * _complex(values.imag, reach, design, orders, sigma)
-        return real + imaginary
+        real, imaginary = (_complex(part, reach, design, orders, sigma) for part in (values.real, values.imag))
+        both: NDArray[Any] = real + 1j * imaginary
+        return both
     rows = values.reshape(math.prod(values.shape[:-1]), values.shape[-1]).astype(np.float64)
     levels = np.full(len(rows), sigma) if sigma is not None else np.asarray(noise_level(rows))
     levels = np.where(np.isfinite(levels), levels, 0.0)
     found = edges.start(rows[:, :reach], design.window_length, design.degree, design.kappa, orders, levels)
-    estimate: NDArray[Any] = found.estimate.reshape(len(orders), *values.shape[:-1], -1)
+    estimate: NDArray[Any] = found.estimate.reshape((len(orders), *values.shape[:-1], -1))
     return estimate
+
+
+def _adapted(design: Differentiator, turned: Samples, out: Samples, sigma: float | None) -> None:
+    """Let the window adapt along the last axis."""
+    parts = [(turned.real, out.real), (turned.imag, out.imag)] if turned.dtype.kind == "c" else [(turned, out)]
+    for samples, estimates in parts:
+        rows = np.ascontiguousarray(samples).reshape(-1, samples.shape[-1])
+        found = np.ascontiguousarray(estimates).reshape(len(estimates), *rows.shape)
+        levels = np.full(len(rows), sigma) if sigma is not None else np.atleast_1d(noise_level(rows))
+        adapt(design, rows, found, np.nan_to_num(levels))
+        estimates[...] = found.reshape(estimates.shape)

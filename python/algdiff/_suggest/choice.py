@@ -34,6 +34,11 @@ class Chosen(NamedTuple):
     bias2: float
     variance: float
 
+    @property
+    def noise_level(self) -> float:
+        """The level of the noise in one row, or the root of its mean square in several."""
+        return self.sigma * math.sqrt(float(np.square(self.scale).mean()))
+
 
 def chosen(x: Samples, axis: int, want: Wanted) -> Chosen:
     """Return what is chosen for `x` along `axis`."""
@@ -207,7 +212,7 @@ def described(found: Chosen, want: Wanted) -> Suggestion:
         rmse=unit * typical * math.sqrt(noise2 + bias2),
         noise=unit * typical * math.sqrt(noise2),
         bias=unit * typical * math.sqrt(bias2),
-        noise_level=found.sigma * typical,
+        noise_level=found.noise_level,
         noise_range=(float(levels.min()) * typical, float(levels.max()) * typical),
         correlation=level.correlation,
         colour=float(level.sigma[level.risk.best]) / level.white,

@@ -59,7 +59,7 @@ def differentiated(
     want = wanted(deriv, samples.shape[along], delta, sigma=level, **asked)
     found = chosen(samples, along, want)
     design = found.design if engine == "auto" else found.design.replace(engine=engine)
-    sigma = found.sigma * float(found.scale[0]) if len(found.scale) == 1 else None
+    sigma = found.noise_level
     backwards = t is not None and descending(t)
     if not backwards:
         return apply(design, x, axis, call.pop("mode"), sigma, want.local, call)

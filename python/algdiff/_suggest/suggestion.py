@@ -130,7 +130,7 @@ class Suggestion:
         ValueError, TypeError, MemoryError
             See `Differentiator`.
         """
-        return apply(self.differentiator, x, axis, mode, None, self.local, call)
+        return apply(self.differentiator, x, axis, mode, self.noise_level, self.local, call)
 
     def __repr__(self) -> str:
         return f"Suggestion({self.differentiator!r}, rmse={self.rmse:.4g}, noise_level={self.noise_level:.4g})"
@@ -194,11 +194,11 @@ def apply(
     x: ArrayLike,
     axis: SupportsIndex,
     mode: str,
-    sigma: float | None,
+    sigma: float,
     local: bool,
     call: dict[str, Any],
 ) -> Any:
-    """Differentiate by a chosen design; `sigma` is the level of the noise, if it is known."""
+    """Differentiate by a chosen design; `sigma` is the level of the noise in one row."""
     plain = all(
         value is None or name in HARMLESS or (name in DEFAULTS and value == DEFAULTS[name])
         for name, value in call.items()
@@ -210,5 +210,8 @@ def apply(
     if isinstance(x, np.ma.MaskedArray):
         return result
     samples = arguments.signal("x", x)
-    with_edges(design, samples, result, arguments.axis_index(axis, samples.ndim), sigma)
+    axis = arguments.axis_index(axis, samples.ndim)
+    # The level of one row is known; of several, each has its own.
+    level = sigma if samples.size == samples.shape[axis] else None
+    with_edges(design, samples, result, axis, level, local)
     return result
