@@ -33,6 +33,9 @@ BLEND = 0.15
 BEYOND, DEVIATIONS = 3, 4.0
 """Coefficients of yet higher degree, and standard deviations of their sum of squares beyond which they are no noise."""
 
+DOUBT = 3.0
+"""Times the variance of a coefficient: what noise is believed to explain of its square, where its share is left out."""
+
 MORE = 6
 """Coefficients beyond the degree of a row by which it is told whether the row is one polynomial."""
 
@@ -50,7 +53,7 @@ class Edge(NamedTuple):
     std : ndarray of shape (D, R, H)
         Their standard deviations from noise, given the shares.
     bias2 : ndarray of shape (D, R, H)
-        The square of what the shares leave out, less that of the noise in it.
+        The square of what the shares leave out and noise hardly explains.
     """
 
     estimate: Floats
@@ -179,9 +182,9 @@ def _one(rows: Floats, window: int, highest: int, orders: tuple[int, ...], sigma
     estimate = np.matmul(kept, found.derivatives.swapaxes(1, 2))
     squares = np.square(found.derivatives).swapaxes(1, 2)
     std = np.sqrt(np.matmul(np.square(shares * sigma[:, None]), squares))
-    left_out = np.matmul(coefficients - kept, found.derivatives.swapaxes(1, 2))
-    by_noise = np.matmul(np.square((1.0 - shares) * sigma[:, None]), squares)
+    doubted = np.maximum(np.square(coefficients) - DOUBT * np.square(sigma[:, None]), 0.0)
+    left_out = np.matmul(np.square(1.0 - shares) * doubted, squares)
     for k, order in enumerate(orders):
         if order == 0:
             estimate[k] += offset
-    return _Tried(Edge(estimate, std, np.square(left_out) - by_noise), explained)
+    return _Tried(Edge(estimate, std, left_out), explained)
