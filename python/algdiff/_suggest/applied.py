@@ -50,7 +50,7 @@ def with_edges(design: Differentiator, x: Any, result: Samples, axis: int, sigma
     for backwards in (False, True):
         part = turned[..., ::-1] if backwards else turned
         values = np.array(part[..., : max(reach, LOOKED_AT)])
-        found = _complex(values, reach, design, orders, sigma)
+        found = _complex(values, reach, length, design, orders, sigma)
         count = found.shape[-1]
         found = (signs * scale * found)[..., ::-1] if backwards else scale * found
         # Beyond the first center they give way to the windows of the middle, so that there is no jump.
@@ -61,16 +61,16 @@ def with_edges(design: Differentiator, x: Any, result: Samples, axis: int, sigma
 
 
 def _complex(
-    values: Samples, reach: int, design: Differentiator, orders: tuple[int, ...], sigma: float | None
+    values: Samples, reach: int, length: int, design: Differentiator, orders: tuple[int, ...], sigma: float | None
 ) -> NDArray[Any]:
     if values.dtype.kind == "c":
-        real, imaginary = (_complex(part, reach, design, orders, sigma) for part in (values.real, values.imag))
+        real, imaginary = (_complex(part, reach, length, design, orders, sigma) for part in (values.real, values.imag))
         both: NDArray[Any] = real + 1j * imaginary
         return both
     rows = values.reshape(math.prod(values.shape[:-1]), values.shape[-1]).astype(np.float64)
     levels = np.full(len(rows), sigma) if sigma is not None else np.asarray(noise_level(rows))
     levels = np.where(np.isfinite(levels), levels, 0.0)
-    found = edges.start(rows[:, :reach], design.window_length, design.degree, design.kappa, orders, levels)
+    found = edges.start(rows[:, :reach], length, design.window_length, design.degree, design.kappa, orders, levels)
     estimate: NDArray[Any] = found.estimate.reshape((len(orders), *values.shape[:-1], -1))
     return estimate
 

@@ -233,7 +233,7 @@ def _parts(found: Chosen, want: Wanted) -> tuple[float, float]:
     middle = max(length - 2 * half, 0) / length
     noise2, bias2 = middle * found.variance, middle * found.bias2
     for rows in (found.rows, found.rows[:, ::-1]):
-        edge = edges.start(rows, found.design.window_length, found.design.degree, want.exponent, order, sigma)
+        edge = edges.start(rows, length, found.design.window_length, found.design.degree, want.exponent, order, sigma)
         share = min(half, length) / length
         noise2 += share * float(np.square(edge.std[..., :half]).mean())
         bias2 += share * max(0.0, float(edge.bias2[..., :half].mean()))

@@ -39,7 +39,7 @@ DOUBT = 3.0
 MORE = 6
 """Coefficients beyond the degree of a row by which it is told whether the row is one polynomial."""
 
-CAUTION = 6.0
+CAUTION = 5.0
 """A coefficient counts by ``1 - CAUTION sigma^2 / c^2``."""
 
 
@@ -87,7 +87,9 @@ def basis(size: int, degree: int, orders: tuple[int, ...], count: int) -> Basis:
 def sizes(window_length: int, degree: int, deriv: int, length: int) -> list[tuple[int, int]]:
     """Return the windows at the ends, and the highest degrees there."""
     found = []
-    for factor, more in WINDOWS:
+    # Only what is one polynomial gets windows of more than half of it, and then all of it tells of the ends.
+    whole = 2 * window_length > length
+    for factor, more in ((length / window_length, 1),) if whole else WINDOWS:
         highest = degree + more
         window = min(max(round(factor * window_length), highest + 3, deriv + 2), length)
         found.append((window, max(min(highest, window - 1), deriv)))
@@ -100,11 +102,17 @@ def reach(window_length: int) -> int:
 
 
 def start(
-    rows: Floats, window_length: int, degree: int, exponent: float, orders: tuple[int, ...], sigma: Floats
+    rows: Floats,
+    length: int,
+    window_length: int,
+    degree: int,
+    exponent: float,
+    orders: tuple[int, ...],
+    sigma: Floats,
 ) -> Edge:
     """Return the estimates of the samples up to the first center of a window and some more, for a sampling step of 1.
 
-    Where the polynomials of these windows leave more of a row than noise explains, shorter windows take their place,
+    `length` is that of whole rows, of which some may be left out. Where the polynomials of these windows leave more of a row than noise explains, shorter windows take their place,
     in the middle of their own too.
     """
     count = min(reach(window_length), rows.shape[1])
@@ -114,7 +122,7 @@ def start(
     for factor in FACTORS:
         shorter = max(2 * round(0.5 * (factor * window_length - 1)) + 1, degree + 1 + degree % 2, max(orders) + 3)
         shorter = min(shorter, window_length)
-        tried = _mean(rows[left], shorter, degree, orders, sigma[left])
+        tried = _mean(rows[left], length, shorter, degree, orders, sigma[left])
         good = tried.explained if factor != FACTORS[-1] else np.ones(left.size, bool)
         rows_now = left[good]
         inner = min(tried.edge.estimate.shape[-1], count)
@@ -151,12 +159,12 @@ class _Tried(NamedTuple):
     explained: NDArray[np.bool_]
 
 
-def _mean(rows: Floats, window_length: int, degree: int, orders: tuple[int, ...], sigma: Floats) -> _Tried:
+def _mean(rows: Floats, length: int, window_length: int, degree: int, orders: tuple[int, ...], sigma: Floats) -> _Tried:
     """Return the mean over windows, and for which rows noise explains what the longest of them leaves."""
     count = min(reach(window_length), rows.shape[1])
     found = [
         _one(rows, window, highest, orders, sigma, count)
-        for window, highest in sizes(window_length, degree, max(orders), rows.shape[1])
+        for window, highest in sizes(window_length, degree, max(orders), length)
     ]
     edge = Edge(*(np.mean(parts, axis=0) for parts in zip(*(one.edge for one in found), strict=True)))
     return _Tried(edge, found[-1].explained)

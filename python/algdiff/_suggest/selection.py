@@ -28,7 +28,7 @@ REACH = 20.0
 STEP = 1.05
 """And of at least so many times."""
 
-REFERENCE = (3.0, 10.0)
+REFERENCE = (2.0, 8.0)
 """Times the variance of the candidate that was found: where the references of its neighbours lie."""
 
 NEIGHBOURS = 2.0
