@@ -112,8 +112,8 @@ def start(
 ) -> Edge:
     """Return the estimates of the samples up to the first center of a window and some more, for a sampling step of 1.
 
-    `length` is that of whole rows, of which some may be left out. Where the polynomials of these windows leave more of a row than noise explains, shorter windows take their place,
-    in the middle of their own too.
+    `length` is that of whole rows, of which what is far from the end may be left out. Where the polynomials of these
+    windows leave more of a row than noise explains, shorter windows take their place, in the middle of their own too.
     """
     count = min(reach(window_length), rows.shape[1])
     parts = (len(orders), len(rows), count)

@@ -144,7 +144,7 @@ class Suggestion:
         >>> import algdiff
         >>> x = np.sin(np.linspace(0, 10, 1001)) + 0.01 * np.random.default_rng(0).standard_normal(1001)
         >>> print(algdiff.suggest(x, delta=0.01).explain().splitlines()[0][:40])
-        A window of 247 samples (2.47) and degre
+        A window of 421 samples (4.21) and degre
         """
         from algdiff._suggest.words import explain
 
