@@ -70,9 +70,12 @@ def _complex(
     rows = values.reshape(math.prod(values.shape[:-1]), values.shape[-1]).astype(np.float64)
     levels = np.full(len(rows), sigma) if sigma is not None else np.asarray(noise_level(rows))
     levels = np.where(np.isfinite(levels), levels, 0.0)
+    # By powers of two, so that squares neither overflow nor vanish.
+    size = np.frexp(np.abs(np.where(np.isfinite(rows), rows, 0.0)).max(axis=1, initial=0.0))[1]
+    rows, levels = np.ldexp(rows, -size[:, np.newaxis]), np.ldexp(levels, -size)
     found = edges.start(rows[:, :reach], length, design.window_length, design.degree, design.kappa, orders, levels)
-    estimate: NDArray[Any] = found.estimate.reshape((len(orders), *values.shape[:-1], -1))
-    return estimate
+    estimate: NDArray[Any] = np.ldexp(found.estimate, size[:, np.newaxis])
+    return estimate.reshape((len(orders), *values.shape[:-1], -1))
 
 
 def _adapted(design: Differentiator, turned: Samples, out: Samples, sigma: float | None) -> None:

@@ -16,7 +16,7 @@ from algdiff._noise import noise_level
 from algdiff._suggest import delayed, edges, noise
 from algdiff._suggest.candidates import design
 from algdiff._suggest.level import Level, Search
-from algdiff._suggest.rows import blocks, finite_rows
+from algdiff._suggest.rows import blocks, finite_rows, scaled
 from algdiff._suggest.suggestion import RiskCurve, Suggestion
 from algdiff._suggest.wanted import FEWEST, Wanted, sampled, wanted
 
@@ -37,7 +37,13 @@ class Chosen(NamedTuple):
     @property
     def noise_level(self) -> float:
         """The level of the noise in one row, or the root of its mean square in several."""
-        return self.sigma * math.sqrt(float(np.square(self.scale).mean()))
+        return self.sigma * self.typical
+
+    @property
+    def typical(self) -> float:
+        """The root mean square of the scales."""
+        top = float(self.scale.max())
+        return top * math.sqrt(float(np.square(self.scale / top).mean()))
 
 
 def chosen(x: Samples, axis: int, want: Wanted) -> Chosen:
@@ -47,13 +53,9 @@ def chosen(x: Samples, axis: int, want: Wanted) -> Chosen:
         raise ValueError(
             f"x must have {FEWEST + want.deriv} finite samples in a row to choose a window, got {rows.shape[1]}"
         )
-    # Rows of one scale are one row: that of their noise, so that none drowns the others.
-    scale = np.ones(len(rows))
-    if want.sigma is None and len(rows) > 1:
-        scale = np.atleast_1d(noise_level(blocks(rows)[: len(rows)], order=3))
-        scale = np.where(scale > 0, scale, scale.max() or 1.0)
-        rows = rows / scale[:, np.newaxis]
-    level = Search(want.deriv, want.limits, want.exponent, want.sigma, want.noise).run(rows)
+    rows, scale = scaled(rows, of_noise=want.sigma is None)
+    known = None if want.sigma is None else want.sigma / float(scale[0])
+    level = Search(want.deriv, want.limits, want.exponent, known, want.noise).run(rows)
     best, step = level.risk.best, level.step
     degree = int(level.family.degree[best])
     length = _odd(min(int(level.family.window[best]) * step, x.shape[axis]))
@@ -193,7 +195,7 @@ def described(found: Chosen, want: Wanted) -> Suggestion:
     """Return the suggestion with all that is known of it."""
     level, scale = found.level, found.scale
     unit = want.delta**-want.deriv
-    typical = math.sqrt(float(np.square(scale).mean()))
+    typical = found.typical
     noise2, bias2 = _parts(found, want)
     steps = float(level.step) ** -want.deriv * unit * typical
     family, risk = level.family, level.risk

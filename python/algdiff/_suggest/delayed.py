@@ -32,7 +32,9 @@ def choose(found: Chosen, want: Wanted, delay: float) -> Chosen:
     """
     level = found.level
     lag = max(delay - (level.step - 1) / 2, 0.0) / level.step
-    core = level.family.designs[level.risk.best]
+    family, risk = level.family, level.risk
+    total = np.where(3 * family.window <= level.rows.shape[1], risk.bias2 + risk.variance, math.inf)
+    core = family.designs[int(np.argmin(total)) if np.isfinite(total).any() else risk.best]
     half = core.window_length // 2
     reference = core(level.rows, mode="valid")
     best: tuple[float, float, float, int, int] | None = None

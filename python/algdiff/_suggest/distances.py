@@ -9,7 +9,7 @@ from algdiff._suggest.candidates import Family
 
 Floats = NDArray[np.float64]
 
-PLACES = 600
+PLACES = 400
 """About this many places are compared."""
 
 

@@ -112,8 +112,8 @@ class Search(NamedTuple):
         members = self._members(rows, 1)
         apart = distances(rows, members)
         if self.sigma is not None:
-            return self._found(rows, 1, members, apart, max(self.sigma, _floor(rows)), 0.0)
-        level, correlation, seen = max(noise.first_guess(rows), _floor(rows)), 0.0, None
+            return self._found(rows, 1, members, apart, max(self.sigma, FLOOR), 0.0)
+        level, correlation, seen = max(noise.first_guess(rows), FLOOR), 0.0, None
         for _ in range(ROUNDS):
             best = select(*apart, members, self._levels(apart, members, level)).best
             if seen == (best, correlation):
@@ -123,7 +123,7 @@ class Search(NamedTuple):
             left = noise.residuals(rows, window, degree, self.exponent, self.exponent)
             if left is None:
                 break
-            level = max(left.level, _floor(rows))
+            level = max(left.level, FLOOR)
             if self.kind == "ar1" and correlation == 0.0:
                 correlation = left.correlation()
                 if correlation:
@@ -137,7 +137,7 @@ class Search(NamedTuple):
         # What is left of correlated noise after averaging is white, and stronger than white noise would be.
         slow = 1.0 if last.step > 1 else math.sqrt((1.0 + last.correlation) / (1.0 - last.correlation))
         sigma = float(last.sigma[last.risk.best]) * slow / math.sqrt(FEW)
-        found = self._found(rows, step, members, distances(rows, members), max(sigma, _floor(rows)), 0.0)
+        found = self._found(rows, step, members, distances(rows, members), max(sigma, FLOOR), 0.0)
         return found._replace(white=last.white / math.sqrt(FEW), correlation=last.correlation)
 
     def _members(self, rows: Floats, step: int, correlation: float = 0.0) -> Family:
@@ -163,10 +163,6 @@ class Search(NamedTuple):
         return Level(step, rows, members, risk, levels, level, correlation)
 
 
-def _floor(rows: Floats) -> float:
-    return FLOOR * float(np.abs(rows - rows.mean(axis=1, keepdims=True)).max())
-
-
 def _moderate(best: int, members: Family) -> int:
     """Return a window that smooths no more than it must: a candidate's own, or a shorter one of its degree."""
     window, degree = int(members.window[best]), members.degree[best]
@@ -184,4 +180,4 @@ SHORT = 3
 """Samples of a window per coefficient of its polynomial that leave enough noise to tell its level by."""
 
 FLOOR = 1e-9
-"""The noise is at least this share of the samples: their own rounding, and that of what is compared."""
+"""The noise is at least this: of rows whose size is 1, the rounding of what is compared, and more than their own."""

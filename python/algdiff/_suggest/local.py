@@ -159,7 +159,8 @@ def adapt(central: Differentiator, x: Samples, result: Samples, sigma: Floats) -
         estimates = [one(samples) for one in found.designs]
         single = [each if central._leading is None else each[-1] for each in estimates]
         at = np.array([each[places] for each in single], np.float64) * unit
-        share = shares(at, found, places, length, float(sigma[row]))
+        top = float(np.abs(at[np.isfinite(at)]).max(initial=0.0)) or 1.0
+        share = shares(at / top, found, places, length, float(sigma[row]) / top)
         mixed = result[:, row, inner].reshape(len(result), -1, spacing)
         whole = [each[..., inner].reshape(*each.shape[:-1], -1, spacing) for each in estimates]
         each_time = max(1, CHUNK // spacing)

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from algdiff._differentiator import Differentiator
 from algdiff._noise import noise_level
 from algdiff._suggest.candidates import Family, design
 from algdiff._suggest.selection import QUANTILE, quantile
 
 Floats = NDArray[np.float64]
 
-SPREAD = {3: 1.27, 6: 1.7, 10: 2.1}
+SPREAD = {4: 1.44, 10: 2.1}
 """Variance of `noise_level` over its square, times the number of samples, by the order of the differences."""
 
 CAUTION = 3.0
@@ -80,7 +82,7 @@ COLOURED = 4.0
 
 def residuals(rows: Floats, window_length: int, degree: int, kappa: float, mu: float) -> Residuals | None:
     """Return what the smoother of some window and degree leaves, or None if it is too little to tell the level by."""
-    smoother = design(0, window_length, degree, kappa, mu)
+    smoother = _smoother(window_length, degree, kappa, mu)
     half = window_length // 2
     values = rows[:, half : rows.shape[1] - half] - smoother(rows, mode="valid")
     weights = -smoother.weights
@@ -108,6 +110,11 @@ def coloured(distance: Floats, freedom: Floats, family: Family, sigma: float, st
                 levels[one] = max(sigma**2, min(ratio, most))
     roots: Floats = np.sqrt(levels)
     return roots
+
+
+@lru_cache(maxsize=64)
+def _smoother(window_length: int, degree: int, kappa: float, mu: float) -> Differentiator:
+    return design(0, window_length, degree, kappa, mu)
 
 
 FEWEST = 8

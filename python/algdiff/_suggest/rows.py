@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algdiff._arguments import Samples
+from algdiff._noise import noise_level
 
 Floats = NDArray[np.float64]
 
@@ -36,6 +37,27 @@ def finite_rows(x: Samples, axis: int) -> Floats:
         first, last = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))]
         rows = rows[:, first:last]
     return rows
+
+
+def scaled(rows: Floats, *, of_noise: bool) -> tuple[Floats, Floats]:
+    """Return rows of a size about 1, without their offsets, and what each was divided by.
+
+    Several rows are of one size if `of_noise` is False; else their noise is, so that none drowns the others.
+    """
+    # Powers of two round nothing; two steps keep offsets and overflow apart.
+    first = np.frexp(np.abs(rows).max(axis=1, keepdims=True))[1]
+    rows = np.ldexp(rows, -first)
+    rows -= rows[:, :1]
+    second = np.frexp(np.abs(rows).max(axis=1, keepdims=True))[1]
+    if not of_noise:
+        second = np.full_like(second, (first + second).max()) - first
+    rows = np.ldexp(rows, -second)
+    scale = np.ldexp(1.0, (first + second)[:, 0])
+    if of_noise and len(rows) > 1:
+        level = np.atleast_1d(noise_level(blocks(rows)[: len(rows)], order=3))
+        level = np.where(level > 0, level, level.max() or 1.0)
+        rows, scale = rows / level[:, np.newaxis], scale * level
+    return rows, scale
 
 
 def blocks(rows: Floats) -> Floats:
