@@ -17,7 +17,8 @@ import time
 import warnings
 from collections import defaultdict
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -52,30 +53,24 @@ CLOSE = 1.15
 PIECES = (1, 2, 3, 4, 6, 8, 11, 16, 23, 32, 45, 64)
 """Polynomials along the samples that the pilot of the plug-in may be made of."""
 
-SHARE = 20
-"""Samples over those of the one reference that is not the finest: the best of 10, 20 and 40."""
+WORST = 3
+"""Signals that are named with their worst ratios."""
 
-SUGGEST = "algdiff.suggest"
-"""The library as users call it: it averages samples for long windows, and takes noise for coloured if it seems so."""
+SHARE = 20
+"""Samples over those of the one reference that is not the finest: of 10, 20 and 40 that of the least median."""
+
+OWN, SUGGEST = "the library's", "algdiff.suggest"
+"""The library's choice among the same candidates, and as users call it.
+
+It then averages samples for long windows, and takes noise for coloured if it seems so.
+"""
 
 
 class Seen(NamedTuple):
     """What a choice is made from.
 
-    Attributes
-    ----------
-    rows : ndarray of shape (1, L)
-        The samples, `delta` = 1 apart.
-    distance, freedom : ndarray of shape (K, K)
-        Mean squares of the differences of two candidates, and how many independent ones there are.
-    family : Family
-        The candidates.
-    sigma : ndarray of shape (K,)
-        Level of the noise, as it is for each candidate.
-    own : int
-        The library's choice.
-    deriv : int
-        Order of the derivative.
+    Rows of samples, 1 apart; mean squares of the differences of two candidates, and how many independent ones there
+    are; the candidates; the level of the noise for each of them; the library's choice; the order of the derivative.
     """
 
     rows: Samples
@@ -100,7 +95,7 @@ class Seen(NamedTuple):
 class Whole(Search):
     """The library's search among windows up to the whole recording, without averaging."""
 
-    def _members(self, rows: Samples, step: int, correlation: float = 0.0) -> Family:
+    def _members(self, rows: Samples, *_: float) -> Family:
         return candidates(rows.shape[1], self.deriv)
 
     def seen(self, rows: Samples) -> Seen:
@@ -117,21 +112,12 @@ def candidates(count: int, deriv: int) -> Family:
     return family(deriv, tuple((degree, lengths) for degree in even_degrees(deriv)), 1.0, 1.0)
 
 
-def _less_two_degrees(seen: Seen, least: float) -> int:
+def two_degrees(seen: Seen, least: float = -math.inf) -> int:
+    """Take the bias from the fit of two degrees more in the same window (after Fan and Gijbels 1995)."""
     window, degree = seen.family.window, seen.family.degree
     other = (window == window[:, None]) & (degree == degree[:, None] + 2)
     bias2 = np.maximum(np.where(other, seen.distance - seen.noise, 0.0).sum(axis=1), least)
     return int(np.argmin(np.where(other.any(axis=1), bias2 + seen.variance, math.inf)))
-
-
-def two_degrees(seen: Seen) -> int:
-    """Take the bias from the fit of two degrees more in the same window (after Fan and Gijbels 1995)."""
-    return _less_two_degrees(seen, -math.inf)
-
-
-def two_degrees_positive(seen: Seen) -> int:
-    """Do the same, but let no square of a bias be negative."""
-    return _less_two_degrees(seen, 0.0)
 
 
 def _compared(seen: Seen, reference: int) -> int:
@@ -202,9 +188,8 @@ def _mean_square(row: Samples, order: int, sigma: float) -> float:
         basis, triangle = np.linalg.qr(legendre.legvander(points, order + 2))
         part = row[: pieces * size].reshape(pieces, size)
         coefficients = part @ basis
-        cp = (float(np.square(part).sum() - np.square(coefficients).sum())) / (pieces * size) + 2 * sigma**2 * (
-            order + 3
-        ) / size
+        left = float(np.square(part).sum() - np.square(coefficients).sum()) / part.size
+        cp = left + 2 * sigma**2 * (order + 3) / size
         if cp < best[0]:
             slopes = legendre.legval(points, legendre.legder(np.linalg.solve(triangle, coefficients.T), order))
             best = cp, float(np.square(slopes).mean()) * (2 / (size - 1)) ** (2 * order)
@@ -224,26 +209,21 @@ def plug_in(seen: Seen) -> int:
     return best[1]
 
 
-def own(seen: Seen) -> int:
-    """Take the library's."""
-    return seen.own
-
-
 METHODS: dict[str, Callable[[Seen], int]] = {
     "two degrees more": two_degrees,
-    "same, bias not below 0": two_degrees_positive,
+    "same, bias at least 0": partial(two_degrees, least=0.0),
     "finest reference": finest_reference,
     "1/20 as reference": fine_reference,
     "Lepski": lepski,
     "Goldenshluger-Lepski": goldenshluger_lepski,
     "cross-validation": cross_validation,
     "plug-in": plug_in,
-    "the library's": own,
+    OWN: attrgetter("own"),
 }
 
 
 class Errors(NamedTuple):
-    """Mean squares of the errors of a choice, in the middle and over all samples."""
+    """Mean squares of the errors of a choice in the middle and over all samples, or their roots over the best."""
 
     middle: float
     everything: float
@@ -322,7 +302,7 @@ def rows(found: list[dict[str, Errors]], spent: dict[str, float], choices: int) 
             name,
             *columns([one[name].middle for one in found]),
             *columns([one[name].everything for one in found]),
-            "" if METHODS.get(name) is own else figure(1e3 * spent[name] / choices),
+            "" if name == OWN else figure(1e3 * spent[name] / choices),
         ]
         for name in (*METHODS, SUGGEST)
     ]
@@ -344,10 +324,12 @@ def main() -> None:
     head = ["choice by", *(f"{where}: {name}" for where in ("middle", "all") for name in names), "ms"]
     print(table(head, rows(found, spent, seeds * len(found))))
     print(f"\n{len(found)} cases, {seeds} seeds. Times are those of one choice after the distances are known, but of")
-    print(f"{SUGGEST} all of it. The worst cases in the middle:")
+    print(f"{SUGGEST} all of it. The worst ratios in the middle, of the signals where they are worst:")
     for name in (*METHODS, SUGGEST):
-        worst = int(np.argmax([one[name].middle for one in found]))
-        print(f"- {name}: {posed[worst].label}")
+        worst: dict[str, float] = {}
+        for case, one in sorted(zip(posed, found, strict=True), key=lambda pair: -pair[1][name].middle):
+            worst.setdefault(case.signal.name, one[name].middle)
+        print(f"- {name}: {', '.join(f'{signal} {figure(worst[signal], 3)}' for signal in list(worst)[:WORST])}")
 
 
 if __name__ == "__main__":
