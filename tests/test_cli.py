@@ -218,9 +218,10 @@ def _padded(values: np.ndarray) -> np.ndarray:
 
 def test_demo_draws_when_it_can(demo):
     pytest.importorskip("matplotlib")
-    content = (demo / "pendulum.png").read_bytes()
-    assert content.startswith(b"\x89PNG\r\n\x1a\n")
-    assert content.endswith(b"IEND\xaeB`\x82")
+    for name in ("pendulum.png", "choice.png"):
+        content = (demo / name).read_bytes()
+        assert content.startswith(b"\x89PNG\r\n\x1a\n")
+        assert content.endswith(b"IEND\xaeB`\x82")
 
 
 def test_demo_report(here, capsys):
@@ -229,10 +230,27 @@ def test_demo_report(here, capsys):
     assert err == ""
     assert "1601 samples, 0.1601 s; degree 5" in out
     assert "delay        800 samples, 0.08 s" in out
-    assert float(re.search(r"R\^2 = (\S+)", out)[1]) >= 0.9965
-    assert abs(float(re.search(r"a = (\S+) 1/s", out)[1]) - 65.0) <= 0.3
+    chosen, given = (float(found) for found in re.findall(r" 1/s, R\^2 = (\S+)", out))
+    assert chosen >= given >= 0.9965, "what is chosen explains no less than what was set by hand"
+    assert all(abs(float(found) - 65.0) <= 0.3 for found in re.findall(r"a = (\S+) 1/s", out))
     assert main(["demo"]) == 0, "an earlier result is replaced"
     assert leftovers(here / "algdiff-demo") == []
+
+
+def test_demo_explains_what_is_chosen(capsys):
+    theta, delta = _demo.recording()
+    suggestion, chosen, _ = _demo.choose(theta, delta, 1)
+    design = suggestion.differentiator
+    assert design == algdiff.suggest(theta, 2, delta=delta).differentiator
+    words = {"degree": design.degree, "delta": delta, "threads": 1}
+    for deriv, values in enumerate(chosen[:3]):
+        np.testing.assert_array_equal(values, algdiff.differentiate(theta, design.window_length, deriv, **words))
+    assert main(["demo"]) == 0
+    out = capsys.readouterr().out
+    assert "\n".join(f"  {line}" for line in suggestion.explain().splitlines()) in out
+    given = np.load("algdiff-demo/pendulum.npz")["acceleration"]
+    apart = np.sqrt(np.mean((chosen.acceleration - given)[2047:-1601] ** 2))
+    assert float(re.search(r"\napart +(\S+) rad/s", out)[1]) == pytest.approx(apart, rel=5e-3)
 
 
 @pytest.mark.parametrize(

@@ -100,7 +100,7 @@ class Whole(Search):
 
     def seen(self, rows: Samples) -> Seen:
         """Return what a choice is made from, with the library's own level of noise and choice."""
-        found = self._first(rows)
+        found = self._first(rows, 1)
         apart = distances(rows, found.family)
         return Seen(rows, *apart, found.family, found.sigma, found.risk.best, self.deriv)
 

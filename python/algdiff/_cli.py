@@ -26,7 +26,10 @@ WORDS = ("degree", "kappa", "mu", "tau", "delay", "delta", "fs", "rule", "trim",
 """Options that become arguments of a design."""
 READING = ("axis", "mode", "cval", "columns", "time", "key", "dtype", "channels", "offset", "memory", "threads")
 """Options that become arguments of a run."""
-SIGNED = ("--window", "--delay", "--tau", "--kappa", "--mu", "--cval")
+SIGNED = (
+    *("--window", "--delay", "--tau", "--kappa", "--mu", "--cval"),
+    *("--sigma", "--max-delay", "--bandwidth", "--min-window", "--max-window"),
+)
 NEGATIVE = re.compile(r"-\.?\d")
 # Not the delay, which --for-delay says, too.
 NAMED = "|".join(word for word in ("deriv", *WORDS, *READING) if word != "delay")

@@ -11,6 +11,7 @@ import warnings
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from algdiff import _cli_auto
 from algdiff import _formats as formats
 from algdiff import _units as units
 from algdiff._cli import MODES, UsageError, add_design, add_nan_policy, count, design_by, orders
@@ -41,7 +42,9 @@ def add(verb: argparse.ArgumentParser) -> None:
     suffixes = ", ".join(form.suffixes[0] for form in formats.FORMATS)
     option("source", metavar="IN", help=f"{suffixes} or .flac")
     option("target", metavar="OUT", help=f"{suffixes}; appears whole or not at all")
-    option("--window", type=units.window, required=True, metavar="N", help="window in samples, or as a time: 101, 50ms")
+    window = verb.add_mutually_exclusive_group(required=True)
+    window.add_argument("--window", type=units.window, metavar="N", help="window in samples, or as a time: 101, 50ms")
+    _cli_auto.add(window, verb)
     add_reading(verb)
     option("--mode", choices=MODES, default="fit", help="what happens at the ends of the data; default: %(default)s")
     option("--cval", type=float, metavar="X", help="value beyond the ends for --mode constant; default: 0")
@@ -134,6 +137,7 @@ def _check_arguments(options: argparse.Namespace) -> float | None:
     from algdiff import _arguments as arguments
     from algdiff import _file
 
+    _cli_auto.check(options)
     try:
         origin, target = formats.located("src", options.source), formats.located("dst", options.target)
         _file.check(origin, target, reading(options))
@@ -179,6 +183,9 @@ class _Task:
 
         options, window = self.options, self.options.window
         self.stated = step is not None
+        if options.auto:
+            self.design = _cli_auto.design_for(options, reading(options), step)
+            return self.design
         make = Differentiator if isinstance(window, int) else _lasting
         self.design = design_by(make, window, options, step)
         return self.design

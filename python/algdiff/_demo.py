@@ -1,4 +1,4 @@
-"""The shipped pendulum recording, differentiated twice and checked against the equation of the pendulum."""
+"""The shipped pendulum recording, differentiated by a chosen window and a given one, and held against its equation."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from importlib import import_module
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from algdiff import Differentiator, _output
+from algdiff import Differentiator, _output, suggest
 
 if TYPE_CHECKING:
     from pathlib import Path
     from types import ModuleType
 
+    from algdiff import Suggestion
     from algdiff._arguments import Samples
 
 WINDOW_LENGTH = 1601
@@ -57,16 +58,21 @@ def run(folder: Path, threads: int | None = None) -> None:
     Parameters
     ----------
     folder : Path
-        Created if it does not exist; ``pendulum.npz`` and ``pendulum.png`` in it are replaced.
+        Created if it does not exist; ``pendulum.npz``, ``pendulum.png`` and ``choice.png`` in it are replaced.
     threads : int, optional
         As in `algdiff.differentiate`.
     """
     folder.mkdir(parents=True, exist_ok=True)
     theta, delta = recording()
+    print("Free swing of a pendulum, read by an encoder of 40,000 counts per revolution.")
+    print(f"samples      {len(theta):,} at {delta:g} s", end="\n\n")
+    suggestion, chosen, seconds = choose(theta, delta, threads)
+    print(_chosen(suggestion, fit(chosen), seconds, chosen.seconds), end="\n\n")
     designs, ours = estimate(theta, delta, threads)
     law = fit(ours)
     used = "all threads of the process" if threads is None else f"threads: {threads}"
-    print(_report(designs, ours, law, used), end="\n\n")
+    print(_report(designs, ours, law, used))
+    print(_apart(chosen, ours), end="\n\n")
     scipy = _optional("scipy.signal")
     if scipy is None:
         print("SciPy is not installed, so there is nothing to compare with (pip install scipy).")
@@ -75,6 +81,7 @@ def run(folder: Path, threads: int | None = None) -> None:
     print()
     _save(folder / "pendulum.npz", theta, delta, ours)
     _draw(folder / "pendulum.png", theta, delta, ours, law)
+    _draw_choice(folder / "choice.png", suggestion)
 
 
 def recording() -> tuple[Samples, float]:
@@ -83,6 +90,16 @@ def recording() -> tuple[Samples, float]:
 
     with (files("algdiff") / "data" / "pendulum_encoder.npz").open("rb") as file, np.load(file) as data:
         return data["counts"] * (2 * np.pi / int(data["counts_per_revolution"])), float(data["dt"])
+
+
+def choose(theta: Samples, delta: float, threads: int | None = None) -> tuple[Suggestion, Estimates, float]:
+    """Return what is chosen for the acceleration, the estimates of that window, and the seconds that choosing took."""
+    started = time.perf_counter()
+    suggestion = suggest(theta, 2, delta=delta)
+    found = time.perf_counter()
+    designs = [suggestion.differentiator.replace(deriv=n) for n in range(3)]
+    angle, velocity, acceleration = (design(theta, threads=threads) for design in designs)
+    return suggestion, Estimates(angle, velocity, acceleration, time.perf_counter() - found), found - started
 
 
 def estimate(theta: Samples, delta: float, threads: int | None = None) -> tuple[list[Differentiator], Estimates]:
@@ -107,20 +124,44 @@ def _r2(measured: Samples, explained: Samples) -> float:
     return 1.0 - float(((measured - explained) ** 2).sum() / ((measured - measured.mean()) ** 2).sum())
 
 
+def _chosen(suggestion: Suggestion, law: Law, choosing: float, estimating: float) -> str:
+    return "\n".join(
+        (
+            "The window that algdiff.suggest chooses for the acceleration, from the samples and their step alone:",
+            *(f"  {line}" for line in suggestion.explain().splitlines()),
+            "equation     acceleration = a sin(angle) - b velocity, by least squares, all three of that window:",
+            f"  {_fitted(law)}",
+            f"time         {choosing:.3f} s for the choice, {estimating:.3f} s for three estimates",
+        )
+    )
+
+
+def _fitted(law: Law) -> str:
+    return f"a = {law.a:.3f} 1/s^2, b = {law.b:.4f} 1/s, R^2 = {law.r2:.5f}"
+
+
 def _report(designs: list[Differentiator], ours: Estimates, law: Law, threads: str) -> str:
     first = designs[0]
     return "\n".join(
         (
-            "Free swing of a pendulum, read by an encoder of 40,000 counts per revolution.",
-            f"samples      {len(ours.angle):,} at {first.delta:g} s",
+            "A window that is given, of equal weights as SciPy's:",
             f"window       {WINDOW_LENGTH} samples, {WINDOW_LENGTH * first.delta:g} s; degree {DEGREE}, kappa = mu = 0",
             f"delay        {first.delay_samples:g} samples, {first.delay:g} s",
             "noise gain   variance of the estimate per variance of white noise:",
             *(f"  {name:<13}{d.noise_gain:.4g}" for name, d in zip(NAMES, designs, strict=True)),
             "equation     acceleration = a sin(angle) - b velocity, by least squares:",
-            f"  a = {law.a:.3f} 1/s^2, b = {law.b:.4f} 1/s, R^2 = {law.r2:.5f}",
+            f"  {_fitted(law)}",
             f"time         {ours.seconds:.3f} s for three designs and three estimates ({threads})",
         )
+    )
+
+
+def _apart(chosen: Estimates, ours: Estimates) -> str:
+    import numpy as np
+
+    apart = (chosen.acceleration - ours.acceleration)[RELEASE:-WINDOW_LENGTH]
+    return (
+        f"apart        {np.sqrt(np.square(apart).mean()):.3g} rad/s^2 from the acceleration by the chosen window (rms)"
     )
 
 
@@ -202,6 +243,18 @@ def _draw(path: Path, theta: Samples, delta: float, ours: Estimates, law: Law) -
         row[0].axvspan(*ZOOM, color="C1", alpha=0.25, linewidth=0)
         row[0].legend(loc="upper right", fontsize="small")
     figure.suptitle(f"Pendulum, window {WINDOW_LENGTH} samples ({WINDOW_LENGTH * delta:g} s), degree {DEGREE}")
+    with _output.replacing(path, overwrite=True) as file:
+        figure.savefig(file, format="png", dpi=130)
+    print(f"wrote {path}")
+
+
+def _draw_choice(path: Path, suggestion: Suggestion) -> None:
+    figures = _optional("matplotlib.figure")
+    if figures is None:
+        return
+    figure = figures.Figure(figsize=(8, 5), layout="constrained")
+    axes = suggestion.plot(figure.add_subplot())
+    axes.set(title="Acceleration of the pendulum, by window and degree", ylabel="estimated error, rad/s²")
     with _output.replacing(path, overwrite=True) as file:
         figure.savefig(file, format="png", dpi=130)
     print(f"wrote {path}")

@@ -36,7 +36,7 @@ def windows(least: int, most: int) -> list[int]:
             lengths.append(length)
         wanted = max(wanted * RATIO, wanted + 2)
     last = most - 1 + most % 2
-    if lengths and last > lengths[-1]:
+    if last >= max(least, 3) and last not in lengths[-1:]:
         lengths.append(last)
     return lengths
 

@@ -15,7 +15,7 @@ from algdiff._differentiator import Differentiator
 from algdiff._noise import noise_level
 from algdiff._suggest import delayed, edges, noise
 from algdiff._suggest.candidates import design
-from algdiff._suggest.level import Level, Search
+from algdiff._suggest.level import Level, Search, reproduced
 from algdiff._suggest.rows import blocks, finite_rows, scaled
 from algdiff._suggest.suggestion import RiskCurve, Suggestion
 from algdiff._suggest.wanted import FEWEST, Wanted, sampled, wanted
@@ -58,9 +58,13 @@ def chosen(x: Samples, axis: int, want: Wanted) -> Chosen:
     level = Search(want.deriv, want.limits, want.exponent, known, want.noise).run(rows)
     best, step = level.risk.best, level.step
     degree = int(level.family.degree[best])
-    length = _odd(min(int(level.family.window[best]) * step, x.shape[axis]))
+    length = max(int(level.family.window[best]) * step, want.limits.least + 1 - want.limits.least % 2)
+    length = _odd(min(length, x.shape[axis]))
     white = float(level.sigma[best])
     sigma = white * math.sqrt(step)
+    if 2 * length > x.shape[axis]:
+        # One polynomial, whose ends the design is to reproduce, too.
+        degree = reproduced(degree, want.deriv)
     made = design(want.orders, length, degree, want.exponent, want.exponent, want.delta)
     per = float(step) ** (-2 * want.deriv)
     found = Chosen(

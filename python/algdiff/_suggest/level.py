@@ -39,9 +39,9 @@ class Limits(NamedTuple):
     longest: dict[int, int]
     least: int
 
-    def lengths(self, step: int, length: int) -> tuple[tuple[int, tuple[int, ...]], ...]:
+    def lengths(self, step: int, length: int, least: int = 1) -> tuple[tuple[int, tuple[int, ...]], ...]:
         """Return the windows of every degree, where `step` of the samples were averaged and `length` are left."""
-        least = max(math.ceil(self.least / step), 1 if step == 1 else KNOWN)
+        least = max(self.least // step - 1, least) if step > 1 else max(self.least, least)
         return tuple((d, tuple(windows(least, min(LARGEST, length, most // step)))) for d, most in self.longest.items())
 
 
@@ -98,21 +98,24 @@ class Search(NamedTuple):
 
     def run(self, rows: Floats) -> Level:
         """Return the level at which the best window is not among the longest, and what was found there."""
-        level, step = self._first(rows), 1
+        step = 1
+        while 2 * self.limits.least > step * LARGEST:
+            rows, step = averaged(rows, FEW), step * FEW
+        level = self._first(rows, step)
         while level.family.window[level.risk.best] > LONG:
             rows, step = averaged(rows, FEW), step * FEW
-            if not any(lengths for _, lengths in self.limits.lengths(step, rows.shape[1])):
+            if not any(lengths for _, lengths in self.limits.lengths(step, rows.shape[1], KNOWN)):
                 break
             level = self._next(rows, step, level)
         return level
 
-    def _first(self, rows: Floats) -> Level:
-        """Return what is found from the samples themselves."""
+    def _first(self, rows: Floats, step: int) -> Level:
+        """Return what is found at the finest level: from the samples themselves, if windows may be short."""
         rows = blocks(rows)
-        members = self._members(rows, 1)
+        members = self._members(rows, step)
         apart = distances(rows, members)
         if self.sigma is not None:
-            return self._found(rows, 1, members, apart, max(self.sigma, FLOOR), 0.0)
+            return self._found(rows, step, members, apart, max(self.sigma / math.sqrt(step), FLOOR), 0.0)
         level, correlation, seen = max(noise.first_guess(rows), FLOOR), 0.0, None
         for _ in range(ROUNDS):
             best = select(*apart, members, self._levels(apart, members, level)).best
@@ -127,21 +130,21 @@ class Search(NamedTuple):
             if self.kind == "ar1" and correlation == 0.0:
                 correlation = left.correlation()
                 if correlation:
-                    members = self._members(rows, 1, correlation)
-        return self._found(rows, 1, members, apart, level, correlation)
+                    members = self._members(rows, step, correlation=correlation)
+        return self._found(rows, step, members, apart, level, correlation)
 
     def _next(self, rows: Floats, step: int, last: Level) -> Level:
         """Return what is found from means of samples, from what was found from fewer of them each."""
         rows = blocks(rows)
-        members = self._members(rows, step)
+        members = self._members(rows, step, KNOWN)
         # What is left of correlated noise after averaging is white, and stronger than white noise would be.
         slow = 1.0 if last.step > 1 else math.sqrt((1.0 + last.correlation) / (1.0 - last.correlation))
         sigma = float(last.sigma[last.risk.best]) * slow / math.sqrt(FEW)
         found = self._found(rows, step, members, distances(rows, members), max(sigma, FLOOR), 0.0)
         return found._replace(white=last.white / math.sqrt(FEW), correlation=last.correlation)
 
-    def _members(self, rows: Floats, step: int, correlation: float = 0.0) -> Family:
-        lengths = self.limits.lengths(step, rows.shape[1])
+    def _members(self, rows: Floats, step: int, least: int = 1, correlation: float = 0.0) -> Family:
+        lengths = self.limits.lengths(step, rows.shape[1], least)
         return family(self.deriv, lengths, self.exponent, self.exponent, correlation)
 
     def _levels(self, apart: tuple[Floats, Floats], members: Family, level: float) -> Floats:
@@ -156,11 +159,16 @@ class Search(NamedTuple):
         levels = self._levels(apart, members, level)
         risk = select(*apart, members, levels)
         if 2 * members.window[risk.best] > rows.shape[1] and not edges.is_polynomial(
-            rows, int(members.degree[risk.best]) + 1, float(levels[risk.best])
+            rows, reproduced(int(members.degree[risk.best]), self.deriv), float(levels[risk.best])
         ):
             # Windows of more than half of the rows see too little of their ends to tell of the bias there.
             risk = select(*apart, members, levels, 2 * members.window <= rows.shape[1])
         return Level(step, rows, members, risk, levels, level, correlation)
+
+
+def reproduced(degree: int, deriv: int) -> int:
+    """Return the degree of the polynomials that a central fit of even degree differentiates as one more does."""
+    return degree + 1 if deriv % 2 == degree % 2 else degree
 
 
 def _moderate(best: int, members: Family) -> int:
