@@ -73,11 +73,16 @@ class Family(NamedTuple):
     memory: Floats
 
 
-@lru_cache(maxsize=16)
 def family(
     deriv: int, lengths: tuple[tuple[int, tuple[int, ...]], ...], kappa: float, mu: float, correlation: float = 0.0
 ) -> Family:
     """Return the candidates of some windows for each degree; `correlation` is that of neighbours in AR(1) noise."""
+    return _families(deriv, lengths, kappa, mu, correlation)
+
+
+def _family(
+    deriv: int, lengths: tuple[tuple[int, tuple[int, ...]], ...], kappa: float, mu: float, correlation: float
+) -> Family:
     pairs = sorted((w, d) for d, some in lengths for w in some if d < w and d <= CROWDED * math.sqrt(w))
     if not pairs:
         raise ValueError(
@@ -95,6 +100,9 @@ def family(
     gain = products.diagonal().copy()
     difference = np.maximum(gain[:, None] + gain[None, :] - 2 * products, 0.0)
     return Family(designs, window, degree, (window - 1) // 2, gain, difference, _memory(rows))
+
+
+_families = lru_cache(maxsize=16)(_family)
 
 
 def design(

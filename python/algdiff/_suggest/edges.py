@@ -68,9 +68,12 @@ class Basis(NamedTuple):
     derivatives: Floats
 
 
-@lru_cache(maxsize=32)
 def basis(size: int, degree: int, orders: tuple[int, ...], count: int) -> Basis:
     """Return polynomials up to `degree` on `size` samples and their derivatives at the first `count`."""
+    return _bases(size, degree, orders, count)
+
+
+def _basis(size: int, degree: int, orders: tuple[int, ...], count: int) -> Basis:
     legendre = np.polynomial.legendre
     points = np.linspace(-1.0, 1.0, size)
     values, triangle = np.linalg.qr(legendre.legvander(points, degree))
@@ -82,6 +85,9 @@ def basis(size: int, degree: int, orders: tuple[int, ...], count: int) -> Basis:
         at = legendre.legvander(points[:count], degree) @ matrix * (2.0 / (size - 1)) ** order
         row[:] = np.linalg.solve(triangle.T, at.T).T
     return Basis(values, derivatives)
+
+
+_bases = lru_cache(maxsize=32)(_basis)
 
 
 def sizes(window_length: int, degree: int, deriv: int, length: int) -> list[tuple[int, int]]:

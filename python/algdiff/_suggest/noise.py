@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from algdiff._differentiator import Differentiator
 from algdiff._noise import noise_level
 from algdiff._suggest.candidates import Family, design
 from algdiff._suggest.selection import QUANTILE, quantile
@@ -112,9 +111,7 @@ def coloured(distance: Floats, freedom: Floats, family: Family, sigma: float, st
     return roots
 
 
-@lru_cache(maxsize=64)
-def _smoother(window_length: int, degree: int, kappa: float, mu: float) -> Differentiator:
-    return design(0, window_length, degree, kappa, mu)
+_smoother = lru_cache(maxsize=64)(partial(design, 0))
 
 
 FEWEST = 8
