@@ -20,7 +20,9 @@ LOOKED_AT = 4096
 """Samples of a row at either end that its level of noise is taken from."""
 
 
-def with_edges(design: Differentiator, x: Any, result: Samples, axis: int, sigma: float | None, local: bool) -> None:
+def with_edges(
+    design: Differentiator, x: Any, result: Samples, axis: int, sigma: float | None, local: bool, threads: int | None
+) -> None:
     """Put the estimates at the ends of `x` into `result`, which may have a leading axis over orders.
 
     Parameters
@@ -33,6 +35,10 @@ def with_edges(design: Differentiator, x: Any, result: Samples, axis: int, sigma
         What the design made of `x` along `axis`.
     sigma : float, optional
         The level of the noise; by default that of every row.
+    local : bool
+        Whether the window adapts along the rows.
+    threads : int, optional
+        At most this many threads.
     """
     length, half = x.shape[axis], design.window_length // 2
     if half == 0 or result.size == 0:
@@ -40,7 +46,7 @@ def with_edges(design: Differentiator, x: Any, result: Samples, axis: int, sigma
     turned = np.moveaxis(x, axis, -1)
     out = np.moveaxis(result if design._leading is not None else result[np.newaxis], axis - x.ndim, -1)
     if local:
-        _adapted(design, turned, out, sigma)
+        _adapted(design, turned, out, sigma, threads)
     orders = design.deriv if isinstance(design.deriv, tuple) else (design.deriv,)
     scale = np.array([design.delta**-order for order in orders]).reshape(-1, *(1 for _ in x.shape))
     signs = np.array([(-1.0) ** order for order in orders]).reshape(-1, *(1 for _ in x.shape))
@@ -78,12 +84,12 @@ def _complex(
     return estimate.reshape((len(orders), *values.shape[:-1], -1))
 
 
-def _adapted(design: Differentiator, turned: Samples, out: Samples, sigma: float | None) -> None:
+def _adapted(design: Differentiator, turned: Samples, out: Samples, sigma: float | None, threads: int | None) -> None:
     """Let the window adapt along the last axis."""
     parts = [(turned.real, out.real), (turned.imag, out.imag)] if turned.dtype.kind == "c" else [(turned, out)]
     for samples, estimates in parts:
         rows = np.ascontiguousarray(samples).reshape(-1, samples.shape[-1])
         found = np.ascontiguousarray(estimates).reshape(len(estimates), *rows.shape)
         levels = np.full(len(rows), sigma) if sigma is not None else np.atleast_1d(noise_level(rows))
-        adapt(design, rows, found, np.nan_to_num(levels))
+        adapt(design, rows, found, np.nan_to_num(levels), threads)
         estimates[...] = found.reshape(estimates.shape)

@@ -132,7 +132,7 @@ def _around(values: Floats, there: NDArray[np.bool_], reach: int) -> tuple[Float
     return np.maximum(sums[last] - sums[first], 0.0) / count, count
 
 
-def adapt(central: Differentiator, x: Samples, result: Samples, sigma: Floats) -> None:
+def adapt(central: Differentiator, x: Samples, result: Samples, sigma: Floats, threads: int | None) -> None:
     """Put the estimates by windows that adapt into `result`, wherever the central one lies in the data.
 
     Parameters
@@ -145,6 +145,8 @@ def adapt(central: Differentiator, x: Samples, result: Samples, sigma: Floats) -
         What the design made of them.
     sigma : ndarray of shape (R,)
         Level of the noise.
+    threads : int, optional
+        At most this many threads.
     """
     length, half = x.shape[1], central.window_length // 2
     found = windows(central, length)
@@ -156,7 +158,7 @@ def adapt(central: Differentiator, x: Samples, result: Samples, sigma: Floats) -
     along = np.arange(spacing) / spacing
     unit = central.delta ** (central.deriv if central._leading is None else max(central.deriv))
     for row, samples in enumerate(x):
-        estimates = [one(samples) for one in found.designs]
+        estimates = [one(samples, threads=threads) for one in found.designs]
         single = [each if central._leading is None else each[-1] for each in estimates]
         at = np.array([each[places] for each in single], np.float64) * unit
         top = float(np.abs(at[np.isfinite(at)]).max(initial=0.0)) or 1.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,18 +18,28 @@ BLOCKS, BLOCK = 16, 2048
 CHANNELS = 16
 """Rows that stand for all of them."""
 
+STRETCH = 1 << 22
+"""Samples in the middle of a recording that stand for all of it, together in all rows."""
+
 
 def finite_rows(x: Samples, axis: int) -> Floats:
-    """Return up to `CHANNELS` rows along `axis` in double precision: real parts, then imaginary ones.
+    """Return up to `CHANNELS` rows along `axis` in double precision, of complex ones two for each.
+
+    Of a long recording they are a stretch in its middle.
 
     Where samples are missing, the rows hold the longest run of samples without a gap in any of them.
     """
     turned = np.moveaxis(x, axis, -1)
-    flat = turned.reshape(-1, turned.shape[-1]) if turned.flags.c_contiguous or turned.ndim > 1 else turned[np.newaxis]
-    if len(flat) > CHANNELS:
-        flat = flat[np.linspace(0, len(flat) - 1, CHANNELS).astype(int)]
-    parts = [flat.real, flat.imag] if flat.dtype.kind == "c" else [flat]
-    rows = np.concatenate([np.asarray(part, np.float64) for part in parts])
+    outer, length = turned.shape[:-1], turned.shape[-1]
+    count = math.prod(outer)
+    if count == 0:
+        raise ValueError(f"x must hold at least one row of samples to choose a window, got shape {x.shape}")
+    picked = np.unique(np.linspace(0, count - 1, min(count, CHANNELS)).astype(int))
+    stretch = min(length, max(BLOCK, STRETCH // max(1, picked.size)))
+    first = (length - stretch) // 2
+    some = [turned[np.unravel_index(row, outer)][first : first + stretch] for row in picked]
+    parts = [part for row in some for part in ((row.real, row.imag) if turned.dtype.kind == "c" else (row,))]
+    rows = np.array(parts, np.float64).reshape(-1, stretch)
     there = np.isfinite(rows).all(axis=0)
     if not there.all():
         edges = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(np.int8)))

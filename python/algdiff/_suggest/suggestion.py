@@ -213,5 +213,5 @@ def apply(
     axis = arguments.axis_index(axis, samples.ndim)
     # The level of one row is known; of several, each has its own.
     level = sigma if samples.size == samples.shape[axis] else None
-    with_edges(design, samples, result, axis, level, local)
+    with_edges(design, samples, result, axis, level, local, call.get("threads"))
     return result
