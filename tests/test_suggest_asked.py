@@ -172,7 +172,9 @@ def test_what_needs_fits_is_the_designs(name: str) -> None:
     suggestion = algdiff.suggest(x, delta=DELTA)
     expected, found = suggestion.differentiator(x, **words), suggestion(x, **words)
     once = algdiff.differentiate(x, delta=DELTA, **words)
-    pairs = [(expected, found, once)] if isinstance(expected, np.ndarray) else list(zip(expected, found, once, strict=True))
+    pairs = (
+        [(expected, found, once)] if isinstance(expected, np.ndarray) else list(zip(expected, found, once, strict=True))
+    )
     for one, other, third in pairs:
         assert (one is None) == (other is None) == (third is None)
         if one is not None:
@@ -210,7 +212,9 @@ def test_descending_times() -> None:
                 np.testing.assert_array_equal(other[::-1], one)
 
 
-@pytest.mark.xfail(strict=True, reason="out holds the estimates of the times that were turned around, and is not returned")
+@pytest.mark.xfail(
+    strict=True, reason="out holds the estimates of the times that were turned around, and is not returned"
+)
 def test_descending_times_and_out() -> None:
     x, t = swing(10), DELTA * np.arange(600)
     expected = algdiff.differentiate(x[::-1], t=t[::-1])
