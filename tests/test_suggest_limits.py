@@ -44,13 +44,15 @@ def test_a_delay(deriv: int, delay: float) -> None:
     if delay >= free.delay:
         assert design == free
         return
-    # Causal: what is newer than an estimate's time and its delay does not change it.
+    # Causal: what is newer than an estimate's time and its delay does not change it, but for the rounding of sums.
+    before, after = math.floor(design.delay_samples), math.ceil(design.delay_samples - 1e-9)
+    bound = 1e-11 * float(np.abs(suggestion(x)).max())
     changed = x.copy()
-    lag = round(design.delay_samples)
-    changed[1001 + lag :] += 1.0
-    np.testing.assert_array_equal(suggestion(changed)[:1001], suggestion(x)[:1001])
-    assert suggestion(changed)[1001] != suggestion(x)[1001]
-    middle = slice(design.window_length, -lag or None)
+    changed[1001 + after :] += 1.0
+    np.testing.assert_allclose(suggestion(changed)[:1001], suggestion(x)[:1001], rtol=0, atol=bound)
+    changed[1001 + before] += 1.0
+    assert abs(suggestion(changed)[1001] - suggestion(x)[1001]) > 1e3 * bound
+    middle = slice(design.window_length, 2000 - after)
     np.testing.assert_array_equal(suggestion(x)[middle], design(x)[middle])
 
 
@@ -100,9 +102,10 @@ def test_a_bandwidth(deriv: int, bandwidth: float) -> None:
 
 @pytest.mark.xfail(strict=True, reason="the band is that of central windows, also where the window is not central")
 def test_a_bandwidth_and_a_delay() -> None:
-    design = algdiff.suggest(swing(3), 2, delta=DELTA, bandwidth=1.0, max_delay=0.05).differentiator
+    x = np.sin(0.05 * DELTA * np.arange(5000)) + 0.05 * np.random.default_rng(3).standard_normal(5000)
+    design = algdiff.suggest(x, 2, delta=DELTA, bandwidth=2.0, max_delay=0.05).differentiator
     assert design.half_power is not None
-    assert design.half_power >= 0.97
+    assert design.half_power >= 0.97 * 2.0
 
 
 @pytest.mark.parametrize(

@@ -95,7 +95,7 @@ def sizes(window_length: int, degree: int, deriv: int, length: int) -> list[tupl
     found = []
     # Only what is one polynomial gets windows of more than half of it, and then all of it tells of the ends.
     whole = 2 * window_length > length
-    for factor, more in ((length / window_length, 1),) if whole else WINDOWS:
+    for factor, more in ((length / window_length, 0),) if whole else WINDOWS:
         highest = degree + more
         window = min(max(round(factor * window_length), highest + 3, deriv + 2), length)
         found.append((window, max(min(highest, window - 1), deriv)))
