@@ -25,7 +25,6 @@ NAN, INF = float("nan"), float("inf")
         (TypeError, "window_length must be an integer", {"window_length": 5.0}),
         (TypeError, "window_length must be an integer", {"window_length": "5"}),
         (TypeError, "window_length must be an integer", {"window_length": True}),
-        (TypeError, "window_length must be an integer", {"window_length": None}),
         (ValueError, "window_length must be at most 10000000", {"window_length": 10_000_001}),
         (ValueError, "deriv must be an integer of at least 0", {"deriv": -1}),
         (TypeError, "deriv must be an integer", {"deriv": 1.5}),

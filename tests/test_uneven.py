@@ -311,7 +311,6 @@ NAT = np.array(["2024-01-01", "NaT", "2024-01-03"] + ["2024-02-01"] * 27, "datet
         (ValueError, r"^window_duration must be finite and positive", {"window_duration": 0.0}),
         (ValueError, r"^window_duration must be finite and positive", {"window_duration": np.nan}),
         (ValueError, r"^give window_length or window_duration", {"window_duration": 5.0, "window_length": 5}),
-        (TypeError, r"^window_length must be an integer, got None; or give window_duration", {"window_length": None}),
         (ValueError, r"^mode must be .* with at", {"at": [1.0], "mode": "valid"}),
         (ValueError, r"^rule must be 'exact' with uneven t", {"t": np.arange(30.0) ** 1.1, "rule": "midpoint"}),
         (ValueError, r"^trim must be 0 with uneven t", {"t": np.arange(30.0) ** 1.1, "trim": 0.01}),

@@ -63,7 +63,8 @@ def with_edges(
         share = np.clip((count - np.arange(count)) / (count - half + 1.0), 0.0, 1.0)
         place = slice(length - count, None) if backwards else slice(0, count)
         share = share[::-1] if backwards else share
-        out[..., place] = share * found + (1.0 - share) * out[..., place]
+        with np.errstate(invalid="ignore", over="ignore"):
+            out[..., place] = share * found + (1.0 - share) * out[..., place]
 
 
 def _complex(
@@ -79,7 +80,8 @@ def _complex(
     # By powers of two, so that squares neither overflow nor vanish.
     size = np.frexp(np.abs(np.where(np.isfinite(rows), rows, 0.0)).max(axis=1, initial=0.0))[1]
     rows, levels = np.ldexp(rows, -size[:, np.newaxis]), np.ldexp(levels, -size)
-    found = edges.start(rows[:, :reach], length, design.window_length, design.degree, design.kappa, orders, levels)
+    with np.errstate(invalid="ignore", over="ignore"):
+        found = edges.start(rows[:, :reach], length, design.window_length, design.degree, design.kappa, orders, levels)
     estimate: NDArray[Any] = np.ldexp(found.estimate, size[:, np.newaxis])
     return estimate.reshape((len(orders), *values.shape[:-1], -1))
 

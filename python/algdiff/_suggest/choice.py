@@ -233,7 +233,7 @@ def described(found: Chosen, want: Wanted) -> Suggestion:
 def _parts(found: Chosen, want: Wanted) -> tuple[float, float]:
     """Return variance and square of the bias, ends included, for a sampling step of 1."""
     length, half = found.rows.shape[1], found.design.window_length // 2
-    if want.delay is not None or half == 0:
+    if half == 0 or not math.isclose(found.design.tau, 0.5):
         return found.variance, found.bias2
     order = (want.deriv,)
     sigma = np.full(len(found.rows), found.sigma)

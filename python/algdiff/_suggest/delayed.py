@@ -26,7 +26,7 @@ PLACES = 4000
 
 
 def choose(found: Chosen, want: Wanted, delay: float) -> Chosen:
-    """Return the choice whose estimates lag by `delay` samples.
+    """Return the choice whose estimates lag by no more than `delay` samples.
 
     What the best central window estimates stands for the truth: its error is small against that of any causal one.
     """
@@ -38,27 +38,38 @@ def choose(found: Chosen, want: Wanted, delay: float) -> Chosen:
     half = core.window_length // 2
     reference = core(level.rows, mode="valid")
     best: tuple[float, float, float, int, int] | None = None
-    for window, degree in _pairs(want, level.step, level.rows.shape[1], lag):
-        one = _design(want.deriv, window, degree, lag, want.exponent)
+    for window, degree in _pairs(want, level.step, level.rows.shape[1]):
+        one = _design(want.deriv, window, degree, min(lag, (window - 1) / 2), want.exponent)
+        if not _passes(one, want.bandwidth * level.step):
+            continue
         bias2, variance = _risk(one, core, reference, half, level.rows, float(level.sigma[level.risk.best]))
         if best is None or bias2 + variance < best[0] + best[1]:
             best = bias2, variance, 0.0, window, degree
     if best is None:
-        raise ValueError(f"max_delay must be longer, or x: no window fits, got {delay * want.delta:g}")
+        raise ValueError(
+            f"max_delay must be longer, bandwidth lower or x longer: no window fits, got {delay * want.delta:g}"
+        )
     bias2, variance, _, window, degree = best
-    made = _design(want.orders, window * level.step, degree, delay, want.exponent, want.delta)
+    long = window * level.step
+    made = _design(want.orders, long, degree, min(delay, (long - 1) / 2), want.exponent, want.delta)
     per = float(level.step) ** (-2 * want.deriv)
     return found._replace(design=made, bias2=bias2 * per, variance=variance * per)
 
 
-def _pairs(want: Wanted, step: int, length: int, lag: float) -> list[tuple[int, int]]:
-    """Return windows that reach at least twice the lag back, and degrees."""
+def _pairs(want: Wanted, step: int, length: int) -> list[tuple[int, int]]:
+    """Return windows and degrees; those that are shorter than twice the lag are central and lag less."""
     degrees = range(want.deriv, want.deriv + DEGREES)
     if len(want.limits.longest) == 1:
         degrees = range(next(iter(want.limits.longest)), next(iter(want.limits.longest)) + 1)
     most = min(LARGEST, length // 2, max(want.limits.longest.values()) // step)
-    lengths = windows(max(math.ceil(want.limits.least / step), math.ceil(2 * lag + 1)), most)
+    lengths = windows(math.ceil(want.limits.least / step), most)
     return [(w, d) for w in lengths for d in degrees if d < w and d <= CROWDED * math.sqrt(w)]
+
+
+def _passes(one: Differentiator, bandwidth: float) -> bool:
+    """Return whether a design passes frequencies up to `bandwidth`, in cycles per sample, if any are asked for."""
+    half_power = one.half_power if bandwidth else None
+    return bandwidth == 0.0 or (half_power is not None and half_power >= bandwidth)
 
 
 def _design(

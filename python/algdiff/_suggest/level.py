@@ -123,14 +123,18 @@ class Search(NamedTuple):
                 break
             seen = best, correlation
             window, degree = _moderate(best, members), int(members.degree[best])
-            left = noise.residuals(rows, window, degree, self.exponent, self.exponent)
+            if self.kind == "ar1":
+                # Short windows smooth correlated noise as they do a signal.
+                window = max(window, min(WIDE, rows.shape[1] // 3))
+                degree = min(degree, int(members.degree.min()) + 2)
+            left = noise.residuals(rows, window - 1 + window % 2, degree, self.exponent, self.exponent)
             if left is None:
                 break
-            level = max(left.level, FLOOR)
             if self.kind == "ar1" and correlation == 0.0:
                 correlation = left.correlation()
                 if correlation:
                     members = self._members(rows, step, correlation=correlation)
+            level = max(left.level(correlation), FLOOR)
         return self._found(rows, step, members, apart, level, correlation)
 
     def _next(self, rows: Floats, step: int, last: Level) -> Level:
@@ -183,6 +187,9 @@ STEEPEST = 1.0
 
 What lies between neighbours would not fall with a power of ``2 deriv + 1``.
 """
+
+WIDE = 61
+"""The least window of residuals that tell of a correlation."""
 
 SHORT = 3
 """Samples of a window per coefficient of its polynomial that leave enough noise to tell its level by."""

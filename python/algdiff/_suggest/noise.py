@@ -39,17 +39,19 @@ class Residuals(NamedTuple):
 
     Attributes
     ----------
-    level : float
-        The level of white noise that leaves as much.
     values : ndarray
         Residuals in rows.
     weights : ndarray
         The weights of the residual: one at the sample, less those of the smoother.
     """
 
-    level: float
     values: Floats
     weights: Floats
+
+    def level(self, correlation: float) -> float:
+        """Return the level of AR(1) noise of some correlation of neighbours that leaves as much."""
+        share = self._autocovariance(correlation)[0]
+        return math.sqrt(float((self.values**2).mean()) / share)
 
     def correlation(self) -> float:
         """Return the correlation of neighbours in AR(1) noise that leaves such residuals, 0 for white noise."""
@@ -57,22 +59,25 @@ class Residuals(NamedTuple):
         if count < 50:
             return 0.0
         seen = float((self.values[:, 1:] * self.values[:, :-1]).mean() / max((self.values**2).mean(), 1e-300))
-        own = np.correlate(self.weights, self.weights, "full")[self.weights.size - 1 :]
-        lags = np.arange(own.size + 1)
 
         def expected(correlation: float) -> float:
-            # The autocovariance of the residuals is that of the noise seen through that of the weights.
-            noise = correlation ** np.arange(own.size + 2.0)
-            at = [
-                float(own[0] * noise[k] + own[1:] @ (noise[np.abs(lags[1:-1] - k)] + noise[lags[1:-1] + k]))
-                for k in (0, 1)
-            ]
-            return at[1] / at[0]
+            own, next_to = self._autocovariance(correlation)
+            return next_to / own
 
         if abs(seen - expected(0.0)) < COLOURED / math.sqrt(count):
             return 0.0
         candidates = np.linspace(-0.95, 0.99, 98)
         return float(candidates[int(np.argmin([abs(expected(rho) - seen) for rho in candidates]))])
+
+    def _autocovariance(self, correlation: float) -> tuple[float, float]:
+        """Return the variance and the covariance of neighbours that AR(1) noise of unit variance leaves."""
+        # It is that of the noise seen through that of the weights.
+        own = np.correlate(self.weights, self.weights, "full")[self.weights.size - 1 :]
+        noise = correlation ** np.arange(own.size + 1.0)
+        lags = np.arange(1, own.size)
+        variance = own[0] + 2.0 * own[1:] @ noise[1:-1]
+        neighbours = own[0] * noise[1] + own[1:] @ (noise[np.abs(lags - 1)] + noise[lags + 1])
+        return float(variance), float(neighbours)
 
 
 COLOURED = 4.0
@@ -89,7 +94,7 @@ def residuals(rows: Floats, window_length: int, degree: int, kappa: float, mu: f
     share = float(weights @ weights)
     if values.size < FEWEST or share < LEAST:
         return None
-    return Residuals(math.sqrt(float((values**2).mean()) / share), values, weights)
+    return Residuals(values, weights)
 
 
 def coloured(distance: Floats, freedom: Floats, family: Family, sigma: float, steepest: float) -> Floats:

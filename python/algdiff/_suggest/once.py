@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from algdiff import _arguments as arguments
 from algdiff import _dask as dask
+from algdiff._differentiator import Differentiator
 from algdiff._results import Estimates
 from algdiff._suggest.choice import chosen
 from algdiff._suggest.suggestion import apply
@@ -63,7 +64,24 @@ def differentiated(
     backwards = t is not None and descending(t)
     if not backwards:
         return apply(design, x, axis, call.pop("mode"), sigma, want.local, call)
-    result = apply(design, np.flip(samples, along), axis, call.pop("mode"), sigma, want.local, call)
-    if not isinstance(result, Estimates):
-        return np.flip(result, along - samples.ndim)
-    return Estimates(*(None if part is None else np.flip(part, along - samples.ndim) for part in result))  # type: ignore[arg-type]
+    return _backwards(design, x, along, axis, sigma, want.local, call)
+
+
+def _backwards(
+    design: Differentiator, x: ArrayLike, along: int, axis: Any, sigma: float, local: bool, call: dict[str, Any]
+) -> Any:
+    """Differentiate samples whose times descend: what ascends, and turned around."""
+    turned = np.flip(x if isinstance(x, np.ma.MaskedArray) else np.asarray(x), along)
+    out, mode = call.pop("out"), call.pop("mode")
+    for name in ("weights", "sigma"):
+        if np.ndim(call[name]):
+            call[name] = np.flip(call[name], 0 if np.ndim(call[name]) == 1 else along)
+    result = apply(design, turned, axis, mode, sigma, local, call)
+    if isinstance(result, Estimates):
+        parts = (None if part is None else np.flip(part, along - turned.ndim) for part in result)
+        return Estimates(*parts)  # type: ignore[arg-type]
+    result = np.flip(result, along - turned.ndim)
+    if out is None:
+        return result
+    arguments.check_output(out, result.shape, result.dtype, np.asarray(x))[...] = result
+    return out

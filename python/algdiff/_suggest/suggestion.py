@@ -207,11 +207,11 @@ def apply(
     result = design(x, axis, mode=mode, **call)  # type: ignore[arg-type]
     if not plain or mode != "fit" or not centered or not isinstance(result, np.ndarray):
         return result
-    if isinstance(x, np.ma.MaskedArray):
+    if np.ma.is_masked(x):
         return result
-    samples = arguments.signal("x", x)
+    samples = arguments.signal("x", np.ma.getdata(x) if isinstance(x, np.ma.MaskedArray) else x)
     axis = arguments.axis_index(axis, samples.ndim)
     # The level of one row is known; of several, each has its own.
     level = sigma if samples.size == samples.shape[axis] else None
-    with_edges(design, samples, result, axis, level, local, call.get("threads"))
+    with_edges(design, samples, np.ma.getdata(result), axis, level, local, call.get("threads"))
     return result

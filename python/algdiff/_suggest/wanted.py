@@ -43,6 +43,8 @@ class Wanted(NamedTuple):
         What kind of noise it is.
     delay : float or None
         The longest delay, in samples.
+    bandwidth : float
+        What is to pass, in cycles per sample; 0 if nothing was asked for.
     local : bool
         Whether the window adapts.
     """
@@ -55,6 +57,7 @@ class Wanted(NamedTuple):
     sigma: float | None
     noise: str
     delay: float | None
+    bandwidth: float
     local: bool
 
     @property
@@ -89,9 +92,10 @@ def wanted(
     exponent, level = _exponent(kappa, mu), _level(sigma, noise)
     degrees = even_degrees(highest) if degree is None else [arguments.integer("degree", degree, highest)]
     least, most, said = _bounds(min_window, max_window, length)
-    longest = dict.fromkeys(degrees, most)
+    longest, band = dict.fromkeys(degrees, most), 0.0
     if bandwidth is not None:
-        longest = _passing(degrees, highest, exponent, arguments.real("bandwidth", bandwidth), delta, most)
+        band = arguments.real("bandwidth", bandwidth)
+        longest = _passing(degrees, highest, exponent, band, delta, most)
         said.append(f"bandwidth = {bandwidth}")
     delay = None
     if max_delay is not None:
@@ -99,7 +103,8 @@ def wanted(
         said.append(f"max_delay = {max_delay}")
         if local:
             raise ValueError("give local or max_delay, not both: windows that adapt are centered")
-    return Wanted(orders, delta, exponent, Limits(longest, least), tuple(said), level, str(noise), delay, bool(local))
+    limits = Limits(longest, least)
+    return Wanted(orders, delta, exponent, limits, tuple(said), level, str(noise), delay, band * delta, bool(local))
 
 
 def _exponent(kappa: object, mu: object) -> float:
