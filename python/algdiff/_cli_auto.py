@@ -161,7 +161,7 @@ class Stretch(NamedTuple):
 
         from algdiff import _arguments as arguments
         from algdiff._formats.tables import TableSource
-        from algdiff._suggest.rows import CHANNELS
+        from algdiff._suggest.rows import spread
 
         shape = source.shape
         along = arguments.axis_index(source.axis if axis is None else axis, len(shape))
@@ -170,8 +170,7 @@ class Stretch(NamedTuple):
         if not count:
             raise ValueError(f"{source.path}: must hold a channel to choose a window from, got shape {shape}")
         # The rows that a choice from the whole array would take.
-        chosen = np.linspace(0, count - 1, min(count, CHANNELS)).astype(int)
-        rows = tuple(tuple(map(int, np.unravel_index(one, others))) for one in chosen) if others else ((),)
+        rows = tuple(tuple(map(int, np.unravel_index(one, others))) for one in spread(count)) if others else ((),)
         apart = len(rows) * _cost(source, along)
         together = isinstance(source, TableSource) or count <= apart
         length = NUMBERS // (len(rows) * (2 if source.dtype.kind == "c" else 1))

@@ -157,12 +157,12 @@ def _check_arguments(options: argparse.Namespace) -> float | None:
 def _lasting(duration: float, deriv: int | tuple[int, ...], **given: Any) -> Differentiator:
     """Return the design whose window is nearest to a duration."""
     from algdiff import Differentiator
+    from algdiff._orders import highest
 
-    highest = max(deriv) if isinstance(deriv, tuple) else deriv
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the design itself will warn
-            length = Differentiator.from_duration(duration, highest, **given).window_length
+            length = Differentiator.from_duration(duration, highest(deriv), **given).window_length
     except ValueError as error:
         raise ValueError(str(error).replace("duration must", "--window must")) from None
     return Differentiator(length, deriv, **given)

@@ -24,6 +24,11 @@ def checked(deriv: object) -> int | tuple[int, ...]:
     return orders
 
 
+def highest(orders: Any) -> int:
+    """Return the highest of several orders, or the one."""
+    return max(orders) if isinstance(orders, tuple) else int(orders)
+
+
 def each(analysis: Callable[..., Any]) -> Callable[..., Any]:
     """Make what is said of one order a tuple for several."""
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from algdiff import _arguments as arguments
+from algdiff._orders import highest
 
 EVEN = 1e-9
 """Stamps are even if none lies farther than this share of a step, and its own rounding, from where it would."""
@@ -170,8 +171,7 @@ def lasting(
     if t is not None:
         stamps = Stamps(t, np.size(t))
         step = usual_step(stamps.values) if stamps.step is None else stamps.step
-    highest = max(deriv) if isinstance(deriv, tuple) else deriv
-    least = (highest + 2 if degree is None else arguments.integer("degree", degree, 0)) + 1
+    least = (highest(deriv) + 2 if degree is None else arguments.integer("degree", degree, 0)) + 1
     return max(even_length(duration("window_duration", window_duration), step), least)
 
 

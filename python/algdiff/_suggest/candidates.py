@@ -26,12 +26,22 @@ DEGREES = 4
 """Even degrees that are compared: at the center a fit of odd degree is that of the even one next to it."""
 
 
+def odd(length: float) -> int:
+    """Return the odd window length nearest to some length."""
+    return 2 * round(0.5 * (length - 1)) + 1
+
+
+def holds(window_length: int, degree: int) -> bool:
+    """Return whether a window has enough samples for a fit of some degree, and noise that does not get out of hand."""
+    return degree < window_length and degree <= CROWDED * math.sqrt(window_length)
+
+
 def windows(least: int, most: int) -> list[int]:
     """Return odd window lengths within bounds: the same whatever they are, and the longest that there is."""
     lengths: list[int] = []
     wanted = 3.0
     while wanted <= most:
-        length = 2 * round((wanted - 1) / 2) + 1
+        length = odd(wanted)
         if least <= length <= most and (not lengths or length > lengths[-1]):
             lengths.append(length)
         wanted = max(wanted * RATIO, wanted + 2)
@@ -83,7 +93,7 @@ def family(
 def _family(
     deriv: int, lengths: tuple[tuple[int, tuple[int, ...]], ...], kappa: float, mu: float, correlation: float
 ) -> Family:
-    pairs = sorted((w, d) for d, some in lengths for w in some if d < w and d <= CROWDED * math.sqrt(w))
+    pairs = sorted((w, d) for d, some in lengths for w in some if holds(w, d))
     if not pairs:
         raise ValueError(
             "min_window, max_window, bandwidth and degree must leave a window that fits into x: none holds a fit of "
@@ -106,11 +116,17 @@ _families = lru_cache(maxsize=16)(_family)
 
 
 def design(
-    deriv: int | tuple[int, ...], window_length: int, degree: int, kappa: float, mu: float, delta: float = 1.0
+    deriv: int | tuple[int, ...],
+    window_length: int,
+    degree: int,
+    kappa: float,
+    mu: float,
+    delta: float = 1.0,
+    delay: float | None = None,
 ) -> Differentiator:
-    """Return a design with its estimate at the center, of which no warning is due: who chose it has weighed it."""
+    """Return a design with its estimate at the center, or `delay` back, without a warning: who chose it weighed it."""
     words = {"window_length": window_length, "deriv": deriv, "degree": degree, "kappa": kappa, "mu": mu}
-    plain = {"tau": None, "delay": None, "delta": delta, "rule": "exact", "trim": 0.0, "engine": "auto"}
+    plain = {"tau": None, "delay": delay, "delta": delta, "rule": "exact", "trim": 0.0, "engine": "auto"}
     return rebuild({**words, **plain})
 
 

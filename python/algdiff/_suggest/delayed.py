@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from algdiff._differentiator import Differentiator, rebuild
-from algdiff._suggest.candidates import CROWDED, LARGEST, windows
+from algdiff._differentiator import Differentiator
+from algdiff._suggest.candidates import LARGEST, design, holds, windows
 from algdiff._suggest.selection import QUANTILE, quantile
 
 if TYPE_CHECKING:
@@ -37,21 +37,23 @@ def choose(found: Chosen, want: Wanted, delay: float) -> Chosen:
     core = family.designs[int(np.argmin(total)) if np.isfinite(total).any() else risk.best]
     half = core.window_length // 2
     reference = core(level.rows, mode="valid")
-    best: tuple[float, float, float, int, int] | None = None
+    best: tuple[float, float, int, int] | None = None
     for window, degree in _pairs(want, level.step, level.rows.shape[1]):
-        one = _design(want.deriv, window, degree, min(lag, (window - 1) / 2), want.exponent)
+        nearer = min(lag, (window - 1) / 2)
+        one = design(want.deriv, window, degree, want.exponent, want.exponent, delay=nearer)
         if not _passes(one, want.bandwidth * level.step):
             continue
         bias2, variance = _risk(one, core, reference, half, level.rows, float(level.sigma[level.risk.best]))
         if best is None or bias2 + variance < best[0] + best[1]:
-            best = bias2, variance, 0.0, window, degree
+            best = bias2, variance, window, degree
     if best is None:
         raise ValueError(
             f"max_delay must be longer, bandwidth lower or x longer: no window fits, got {delay * want.delta:g}"
         )
-    bias2, variance, _, window, degree = best
+    bias2, variance, window, degree = best
     long = window * level.step
-    made = _design(want.orders, long, degree, min(delay, (long - 1) / 2), want.exponent, want.delta)
+    nearer = min(delay, (long - 1) / 2) * want.delta
+    made = design(want.orders, long, degree, want.exponent, want.exponent, want.delta, nearer)
     per = float(level.step) ** (-2 * want.deriv)
     return found._replace(design=made, bias2=bias2 * per, variance=variance * per)
 
@@ -63,22 +65,13 @@ def _pairs(want: Wanted, step: int, length: int) -> list[tuple[int, int]]:
         degrees = range(next(iter(want.limits.longest)), next(iter(want.limits.longest)) + 1)
     most = min(LARGEST, length // 2, max(want.limits.longest.values()) // step)
     lengths = windows(math.ceil(want.limits.least / step), most)
-    return [(w, d) for w in lengths for d in degrees if d < w and d <= CROWDED * math.sqrt(w)]
+    return [(w, d) for w in lengths for d in degrees if holds(w, d)]
 
 
 def _passes(one: Differentiator, bandwidth: float) -> bool:
     """Return whether a design passes frequencies up to `bandwidth`, in cycles per sample, if any are asked for."""
     half_power = one.half_power if bandwidth else None
     return bandwidth == 0.0 or (half_power is not None and half_power >= bandwidth)
-
-
-def _design(
-    deriv: int | tuple[int, ...], window: int, degree: int, lag: float, exponent: float, delta: float = 1.0
-) -> Differentiator:
-    words = {"window_length": window, "deriv": deriv, "degree": degree, "delta": delta, "kappa": exponent}
-    return rebuild(
-        {**words, "mu": exponent, "tau": None, "delay": lag * delta, "rule": "exact", "trim": 0.0, "engine": "auto"}
-    )
 
 
 def _risk(

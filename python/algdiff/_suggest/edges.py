@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from algdiff._suggest.candidates import design
+from algdiff._suggest.candidates import design, odd
 from algdiff._suggest.selection import quantile
 
 Floats = NDArray[np.float64]
@@ -126,7 +126,7 @@ def start(
     edge = Edge(np.empty(parts), np.empty(parts), np.empty(parts))
     left = np.arange(len(rows))
     for factor in FACTORS:
-        shorter = max(2 * round(0.5 * (factor * window_length - 1)) + 1, degree + 1 + degree % 2, max(orders) + 3)
+        shorter = max(odd(factor * window_length), degree + 1 + degree % 2, max(orders) + 3)
         shorter = min(shorter, window_length)
         tried = _mean(rows[left], length, shorter, degree, orders, sigma[left])
         good = tried.explained if factor != FACTORS[-1] else np.ones(left.size, bool)

@@ -8,7 +8,6 @@ the shares are smoothed over half a window, so that nothing jumps where another 
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +15,8 @@ from numpy.typing import NDArray
 
 from algdiff._arguments import Samples
 from algdiff._differentiator import Differentiator
-from algdiff._suggest.candidates import CROWDED, design, family
+from algdiff._orders import highest
+from algdiff._suggest.candidates import design, family, holds, odd
 from algdiff._suggest.selection import quantile
 
 Floats = NDArray[np.float64]
@@ -63,22 +63,18 @@ def windows(central: Differentiator, length: int) -> Windows:
     chosen, degree = central.window_length, central.degree
     lengths = {chosen}
     for step in STEPS:
-        window = _odd(chosen * RATIO**step)
-        if degree < window <= length // 3 and degree <= CROWDED * math.sqrt(window):
+        window = odd(chosen * RATIO**step)
+        if window <= length // 3 and holds(window, degree):
             lengths.add(window)
     ordered = sorted(lengths)
     designs = [design(central.deriv, one, degree, central.kappa, central.mu, central.delta) for one in ordered]
-    order = central.deriv if central._leading is None else max(central.deriv)
+    order = highest(central.deriv)
     # Long windows do what shorter ones of the same proportions do.
     shrunk = min(1.0, LONGEST / ordered[-1])
-    short = tuple((degree, (max(_odd(one * shrunk), degree + 1 + degree % 2),)) for one in ordered)
+    short = tuple((degree, (max(odd(one * shrunk), degree + 1 + degree % 2),)) for one in ordered)
     few = family(order, short, central.kappa, central.mu)
     scale = shrunk ** (2 * order + 1)
     return Windows(designs, scale * few.gain, scale * few.difference, few.memory / shrunk)
-
-
-def _odd(length: float) -> int:
-    return 2 * round(0.5 * (length - 1)) + 1
 
 
 def shares(estimates: Floats, found: Windows, places: NDArray[np.intp], length: int, sigma: float) -> Floats:
@@ -115,9 +111,9 @@ def shares(estimates: Floats, found: Windows, places: NDArray[np.intp], length: 
     weight[0] = np.where(weight.sum(axis=0) > 0, weight[0], 1.0)
     weight /= weight.sum(axis=0)
     reach = FINE // 4
-    smooth = np.array([_around(row, np.ones(row.size, bool), reach)[0] for row in weight])
-    smooth = np.array([_around(row, np.ones(row.size, bool), reach)[0] for row in smooth])
-    smooth = np.where(inside | (np.arange(total) == 0)[:, None], smooth, 0.0)
+    for _ in range(2):
+        weight = np.array([_around(row, np.ones(row.size, bool), reach)[0] for row in weight])
+    smooth = np.where(inside | (np.arange(total) == 0)[:, None], weight, 0.0)
     share: Floats = smooth / smooth.sum(axis=0)
     return share
 
@@ -156,7 +152,7 @@ def adapt(central: Differentiator, x: Samples, result: Samples, sigma: Floats, t
         return
     inner = slice(half, int(places[-1]))
     along = np.arange(spacing) / spacing
-    unit = central.delta ** (central.deriv if central._leading is None else max(central.deriv))
+    unit = central.delta ** highest(central.deriv)
     for row, samples in enumerate(x):
         estimates = [one(samples, threads=threads) for one in found.designs]
         single = [each if central._leading is None else each[-1] for each in estimates]

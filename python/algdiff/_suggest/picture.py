@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from algdiff._orders import highest
 from algdiff._plot import _axes
-from algdiff._suggest.words import highest
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,7 +31,9 @@ def plot(suggestion: Suggestion, ax: Axes | None = None) -> Axes:
     ax.plot(design.window_length, suggestion.rmse, "k*", markersize=14, label="chosen, ends included", zorder=5)
     low = 0.5 * min(float(curve.rmse.min()), suggestion.rmse)
     ax.set_ylim(low, max(float(curve.rmse.max()), 4 * low))
-    ax.set(xlabel="window length, samples", ylabel=f"estimated error of the derivative of order {highest(design)}")
+    ax.set(
+        xlabel="window length, samples", ylabel=f"estimated error of the derivative of order {highest(design.deriv)}"
+    )
     ax.grid(alpha=0.3)
     ax.legend(fontsize="small")
     return ax

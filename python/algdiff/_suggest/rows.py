@@ -34,8 +34,8 @@ def finite_rows(x: Samples, axis: int) -> Floats:
     count = math.prod(outer)
     if count == 0:
         raise ValueError(f"x must hold at least one row of samples to choose a window, got shape {x.shape}")
-    picked = np.unique(np.linspace(0, count - 1, min(count, CHANNELS)).astype(int))
-    stretch = min(length, max(BLOCK, STRETCH // max(1, picked.size)))
+    picked = spread(count)
+    stretch = min(length, max(BLOCK, STRETCH // picked.size))
     first = (length - stretch) // 2
     some = [turned[np.unravel_index(row, outer)][first : first + stretch] for row in picked]
     parts = [part for row in some for part in ((row.real, row.imag) if turned.dtype.kind == "c" else (row,))]
@@ -49,6 +49,11 @@ def finite_rows(x: Samples, axis: int) -> Floats:
         first, last = runs[int(np.argmax(runs[:, 1] - runs[:, 0]))]
         rows = rows[:, first:last]
     return rows
+
+
+def spread(count: int) -> NDArray[np.intp]:
+    """Return which rows, of so many, stand for all of them."""
+    return np.linspace(0, count - 1, min(count, CHANNELS)).astype(np.intp)
 
 
 def scaled(rows: Floats, *, of_noise: bool) -> tuple[Floats, Floats]:

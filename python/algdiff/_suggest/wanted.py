@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from algdiff import _arguments as arguments
 from algdiff import _dask as dask
 from algdiff._kernel import Kernel
-from algdiff._orders import checked
+from algdiff._orders import checked, highest
 from algdiff._suggest.candidates import even_degrees
 from algdiff._suggest.level import Limits
 from algdiff._times import Stamps
@@ -63,7 +63,7 @@ class Wanted(NamedTuple):
     @property
     def deriv(self) -> int:
         """The order that is chosen for: the highest."""
-        return max(self.orders) if isinstance(self.orders, tuple) else self.orders
+        return highest(self.orders)
 
 
 def wanted(
@@ -84,18 +84,18 @@ def wanted(
 ) -> Wanted:
     """Return what is wanted of a choice for `length` samples."""
     orders = checked(deriv)
-    highest = max(orders) if isinstance(orders, tuple) else orders
+    top = highest(orders)
     if not (math.isfinite(delta) and delta > 0):
         raise ValueError(f"delta must be finite and positive, got {delta}")
-    if length < FEWEST + highest:
-        raise ValueError(f"x must have at least {FEWEST + highest} samples to choose a window, got {length}")
+    if length < FEWEST + top:
+        raise ValueError(f"x must have at least {FEWEST + top} samples to choose a window, got {length}")
     exponent, level = _exponent(kappa, mu), _level(sigma, noise)
-    degrees = even_degrees(highest) if degree is None else [arguments.integer("degree", degree, highest)]
+    degrees = even_degrees(top) if degree is None else [arguments.integer("degree", degree, top)]
     least, most, said = _bounds(min_window, max_window, length)
     longest, band = dict.fromkeys(degrees, most), 0.0
     if bandwidth is not None:
         band = arguments.real("bandwidth", bandwidth)
-        longest = _passing(degrees, highest, exponent, band, delta, most)
+        longest = _passing(degrees, top, exponent, band, delta, most)
         said.append(f"bandwidth = {bandwidth}")
     delay = None
     if max_delay is not None:

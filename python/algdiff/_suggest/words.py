@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from algdiff._orders import highest
+
 if TYPE_CHECKING:
-    from algdiff._differentiator import Differentiator
     from algdiff._suggest.suggestion import Suggestion
 
 UNEVEN = 2.0
@@ -22,7 +23,7 @@ def explain(suggestion: Suggestion) -> str:
     design, curve = suggestion.differentiator, suggestion.curve
     lines = [
         f"A window of {design.window_length} samples ({design.duration:.4g}) and degree {design.degree}, for the "
-        f"derivative of order {highest(design)}, {_where(suggestion)}.",
+        f"derivative of order {highest(design.deriv)}, {_where(suggestion)}.",
         f"It is expected to err by {suggestion.rmse:.3g} (root mean square): noise {suggestion.noise:.3g}, "
         f"bias {suggestion.bias:.3g}.",
         f"The noise in the samples is {suggestion.noise_level:.3g}{_colour(suggestion)}.",
@@ -51,11 +52,6 @@ def explain(suggestion: Suggestion) -> str:
     if suggestion.limits:
         lines.append(f"What was asked for: {', '.join(suggestion.limits)}.")
     return "\n".join(lines)
-
-
-def highest(design: Differentiator) -> int:
-    """Return the order that a window was chosen for."""
-    return max(design.deriv) if isinstance(design.deriv, tuple) else int(design.deriv)
 
 
 def _where(suggestion: Suggestion) -> str:
