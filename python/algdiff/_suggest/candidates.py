@@ -57,6 +57,11 @@ def even_degrees(deriv: int) -> list[int]:
     return [least + 2 * k for k in range(DEGREES)]
 
 
+def reproduced(degree: int, deriv: int) -> int:
+    """Return the degree of the polynomials that a central fit of even degree differentiates as one more does."""
+    return degree + 1 if deriv % 2 == degree % 2 else degree
+
+
 class Family(NamedTuple):
     """Candidates, sorted by window, then degree, and what unit noise makes of them.
 

@@ -14,8 +14,8 @@ from algdiff._arguments import Samples
 from algdiff._differentiator import Differentiator
 from algdiff._noise import noise_level
 from algdiff._suggest import delayed, edges, noise
-from algdiff._suggest.candidates import design
-from algdiff._suggest.level import Level, Search, reproduced
+from algdiff._suggest.candidates import design, reproduced
+from algdiff._suggest.level import Level, Search
 from algdiff._suggest.rows import blocks, finite_rows, scaled
 from algdiff._suggest.suggestion import RiskCurve, Suggestion
 from algdiff._suggest.wanted import FEWEST, Wanted, sampled, wanted
@@ -240,7 +240,9 @@ def _parts(found: Chosen, want: Wanted) -> tuple[float, float]:
     middle = max(length - 2 * half, 0) / length
     noise2, bias2 = middle * found.variance, middle * found.bias2
     for rows in (found.rows, found.rows[:, ::-1]):
-        edge = edges.start(rows, length, found.design.window_length, found.design.degree, want.exponent, order, sigma)
+        edge = edges.start(
+            rows, length, found.design.window_length, found.design.degree, want.exponent, order, sigma, True
+        )
         share = min(half, length) / length
         noise2 += share * float(np.square(edge.std[..., :half]).mean())
         bias2 += share * max(0.0, float(edge.bias2[..., :half].mean()))

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from algdiff._suggest import unseen
 from algdiff._suggest.candidates import design, odd
 from algdiff._suggest.selection import quantile
 
@@ -32,9 +33,6 @@ BLEND = 0.15
 
 BEYOND, DEVIATIONS = 3, 4.0
 """Coefficients of yet higher degree, and standard deviations of their sum of squares beyond which they are no noise."""
-
-DOUBT = 3.0
-"""Times the variance of a coefficient: what noise is believed to explain of its square, where its share is left out."""
 
 MORE = 6
 """Coefficients beyond the degree of a row by which it is told whether the row is one polynomial."""
@@ -53,7 +51,7 @@ class Edge(NamedTuple):
     std : ndarray of shape (D, R, H)
         Their standard deviations from noise, given the shares.
     bias2 : ndarray of shape (D, R, H)
-        The square of what the shares leave out and noise hardly explains.
+        The square of what the shares leave out, as it is expected to be; zero unless asked for.
     """
 
     estimate: Floats
@@ -115,11 +113,13 @@ def start(
     exponent: float,
     orders: tuple[int, ...],
     sigma: Floats,
+    risk: bool = False,
 ) -> Edge:
     """Return the estimates of the samples up to the first center of a window and some more, for a sampling step of 1.
 
     `length` is that of whole rows, of which what is far from the end may be left out. Where the polynomials of these
     windows leave more of a row than noise explains, shorter windows take their place, in the middle of their own too.
+    `risk` asks for the bias.
     """
     count = min(reach(window_length), rows.shape[1])
     parts = (len(orders), len(rows), count)
@@ -128,7 +128,7 @@ def start(
     for factor in FACTORS:
         shorter = max(odd(factor * window_length), degree + 1 + degree % 2, max(orders) + 3)
         shorter = min(shorter, window_length)
-        tried = _mean(rows[left], length, shorter, degree, orders, sigma[left])
+        tried = _mean(rows[left], length, shorter, degree, orders, sigma[left], risk)
         good = tried.explained if factor != FACTORS[-1] else np.ones(left.size, bool)
         rows_now = left[good]
         inner = min(tried.edge.estimate.shape[-1], count)
@@ -165,40 +165,46 @@ class _Tried(NamedTuple):
     explained: NDArray[np.bool_]
 
 
-def _mean(rows: Floats, length: int, window_length: int, degree: int, orders: tuple[int, ...], sigma: Floats) -> _Tried:
+def _mean(
+    rows: Floats, length: int, window_length: int, degree: int, orders: tuple[int, ...], sigma: Floats, risk: bool
+) -> _Tried:
     """Return the mean over windows, and for which rows noise explains what the longest of them leaves."""
     count = min(reach(window_length), rows.shape[1])
     found = [
-        _one(rows, window, highest, orders, sigma, count)
+        _one(rows, window, highest, orders, sigma, count, risk)
         for window, highest in sizes(window_length, degree, max(orders), length)
     ]
-    edge = Edge(*(np.mean(parts, axis=0) for parts in zip(*(one.edge for one in found), strict=True)))
+    estimate, std, bias2 = (np.array(parts) for parts in zip(*(one.edge for one in found), strict=True))
+    edge = Edge(estimate.mean(axis=0), std.mean(axis=0), np.median(bias2, axis=0))
     return _Tried(edge, found[-1].explained)
 
 
-def _one(rows: Floats, window: int, highest: int, orders: tuple[int, ...], sigma: Floats, count: int) -> _Tried:
-    found = basis(window, highest, orders, count)
-    offset = rows[:, :1]
-    samples = rows[:, :window] - offset
-    coefficients = samples @ found.values
+def _one(
+    rows: Floats, window: int, highest: int, orders: tuple[int, ...], sigma: Floats, count: int, risk: bool
+) -> _Tried:
     beyond = min(BEYOND, window - highest - 1)
+    found = basis(window, highest + beyond, orders, count)
+    offset = rows[:, :1]
+    coefficients = (rows[:, :window] - offset) @ found.values
     explained = np.ones(len(rows), bool)
     if beyond > 0:
-        more = basis(window, highest + beyond, (), 0).values[:, highest + 1 :]
-        left = np.square(samples @ more).sum(axis=1)
+        left = np.square(coefficients[:, highest + 1 :]).sum(axis=1)
         explained = left <= beyond * np.square(sigma) * float(quantile(np.array(float(beyond)), DEVIATIONS))
     with np.errstate(divide="ignore", invalid="ignore"):
-        shares = 1.0 - CAUTION * np.square(sigma[:, None] / coefficients)
+        scores = coefficients / sigma[:, None]
+        shares = 1.0 - CAUTION / np.square(scores)
     shares = np.where(np.isfinite(shares), np.maximum(shares, 0.0), 0.0)
     shares[:, : max(orders) + 1] = 1.0
+    shares[:, highest + 1 :] = 0.0
     shares = np.maximum.accumulate(shares[:, ::-1], axis=1)[:, ::-1]
     kept = shares * coefficients
-    estimate = np.matmul(kept, found.derivatives.swapaxes(1, 2))
-    squares = np.square(found.derivatives).swapaxes(1, 2)
-    std = np.sqrt(np.matmul(np.square(shares * sigma[:, None]), squares))
-    doubted = np.maximum(np.square(coefficients) - DOUBT * np.square(sigma[:, None]), 0.0)
-    left_out = np.matmul(np.square(1.0 - shares) * doubted, squares)
+    turned = found.derivatives.swapaxes(1, 2)
+    estimate = np.matmul(kept, turned)
+    std = np.sqrt(np.matmul(np.square(shares * sigma[:, None]), np.square(turned)))
+    bias2 = np.zeros_like(std)
+    if risk:
+        bias2 = unseen.squared_bias(scores, shares, found.derivatives) * np.square(sigma[:, None])
     for k, order in enumerate(orders):
         if order == 0:
             estimate[k] += offset
-    return _Tried(Edge(estimate, std, left_out), explained)
+    return _Tried(Edge(estimate, std, bias2), explained)

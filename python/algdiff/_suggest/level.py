@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from algdiff._suggest import edges, noise
-from algdiff._suggest.candidates import LARGEST, Family, family, windows
+from algdiff._suggest.bias import squared_bias
+from algdiff._suggest.candidates import LARGEST, Family, family, reproduced, windows
 from algdiff._suggest.distances import distances
 from algdiff._suggest.rows import averaged, blocks
 from algdiff._suggest.selection import Risk, select
@@ -167,12 +168,10 @@ class Search(NamedTuple):
         ):
             # Windows of more than half of the rows see too little of their ends to tell of the bias there.
             risk = select(*apart, members, levels, 2 * members.window <= rows.shape[1])
+        bias2 = squared_bias(*apart, members, levels, risk.best, rows.shape[1])
+        if bias2 is not None:
+            risk = risk._replace(found=bias2)
         return Level(step, rows, members, risk, levels, level, correlation)
-
-
-def reproduced(degree: int, deriv: int) -> int:
-    """Return the degree of the polynomials that a central fit of even degree differentiates as one more does."""
-    return degree + 1 if deriv % 2 == degree % 2 else degree
 
 
 def _moderate(best: int, members: Family) -> int:
