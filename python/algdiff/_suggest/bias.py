@@ -63,18 +63,19 @@ def squared_bias(
     place = int(np.searchsorted(chain, best))
     noise = np.maximum(sigma, sigma[:, None]) ** 2 * family.difference
     excess, spread = distance - noise, noise * np.sqrt(2.0 / freedom)
-    near = range(max(place, 1), min(place + LONGER + 1, chain.size))
-    pairs = [(chain[k], chain[k - 1]) for k in near if family.window[chain[k]] <= HIGHEST * length]
+    end = min(place + LONGER + 1, int(np.searchsorted(family.window[chain], HIGHEST * length, "right")))
+    if end <= place:
+        return None
+    pairs = [(chain[k], chain[k - 1]) for k in range(max(min(place, end - SPAN - 1), 1), end)]
     one = family.designs[best]
     power = _power([(int(family.window[k]), float(excess[k, j]), float(spread[k, j])) for k, j in pairs])
     finer = chain[:place]
-    ratios = family.window[best] / family.window[finer]
-    finer, ratios = finer[ratios <= SHORTEST], ratios[ratios <= SHORTEST]
+    finer = finer[(family.window[best] <= SHORTEST * family.window[finer]) & (spread[best, finer] > 0)]
     if power is None or not finer.size:
         return None
     # What is smooth rises by no more than this.
     power = min(power, 2 * (reproduced(one.degree, one.deriv) + 1 - one.deriv) - LESS)
-    shown = shares(one.deriv, one.degree, one.kappa, power, ratios)
+    shown = shares(one.deriv, one.degree, one.kappa, power, family.window[best] / family.window[finer])
     # The least squares estimate of what they all are a part of.
     weight = shown / spread[best, finer] ** 2
     return max(0.0, float(weight @ excess[best, finer]) / float(weight @ shown))
@@ -108,12 +109,16 @@ def _frequency_response(deriv: int, degree: int, exponent: float) -> tuple[Float
     """Return logarithms of the frequency times half the window, and how much of the derivative there passes."""
     weights = design(deriv, WINDOW, degree, exponent, exponent).weights
     half = WINDOW // 2
-    place = np.linspace(math.log(0.3), math.log(3e4), 1200)
+    place = np.linspace(math.log(0.01), math.log(3e4), 1500)
     frequency = np.exp(place) / half
     seen = frequency < math.pi
     phases = np.exp(1j * np.outer(frequency[seen], np.arange(-half, half + 1)))
     passed = np.zeros(place.size)
     passed[seen] = ((phases @ weights) / (1j * frequency[seen]) ** deriv).real
+    # Lower, what does not pass rises by the power of a smooth signal's bias, and drowns in rounding.
+    first = int(np.searchsorted(place, math.log(0.3)))
+    smooth = reproduced(degree, deriv) + 1 - deriv
+    passed[:first] = 1.0 - (1.0 - passed[first]) * np.exp(smooth * (place[:first] - place[first]))
     return place, passed
 
 
