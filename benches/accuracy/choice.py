@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 COUNTS = (500, 2000, 8000)
 LEVELS = (0.001, 0.01, 0.1)
 DERIVS = (1, 2)
-SEEDS = 10
+SEEDS = 30
 RATIO = 1.15
 """From one window of the oracle to the next."""
 

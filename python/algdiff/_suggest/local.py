@@ -47,12 +47,13 @@ POWER = 2
 
 
 class Windows(NamedTuple):
-    """The windows, and what unit noise does to them and their differences.
+    """The windows, the place of the chosen one among them, and what unit noise does to them and their differences.
 
     `gain` is relative to the first window's, so that only ratios and `sigma` times its gain matter.
     """
 
     designs: list[Differentiator]
+    chosen: int
     gain: Floats
     difference: Floats
     memory: Floats
@@ -74,7 +75,7 @@ def windows(central: Differentiator, length: int) -> Windows:
     short = tuple((degree, (max(odd(one * shrunk), degree + 1 + degree % 2),)) for one in ordered)
     few = family(order, short, central.kappa, central.mu)
     scale = shrunk ** (2 * order + 1)
-    return Windows(designs, scale * few.gain, scale * few.difference, few.memory / shrunk)
+    return Windows(designs, ordered.index(chosen), scale * few.gain, scale * few.difference, few.memory / shrunk)
 
 
 def shares(estimates: Floats, found: Windows, places: NDArray[np.intp], length: int, sigma: float) -> Floats:
@@ -154,7 +155,8 @@ def adapt(central: Differentiator, x: Samples, result: Samples, sigma: Floats, t
     along = np.arange(spacing) / spacing
     unit = central.delta ** highest(central.deriv)
     for row, samples in enumerate(x):
-        estimates = [one(samples, threads=threads) for one in found.designs]
+        own = result[:, row] if central._leading is not None else result[0, row]
+        estimates = [own if k == found.chosen else one(samples, threads=threads) for k, one in enumerate(found.designs)]
         single = [each if central._leading is None else each[-1] for each in estimates]
         at = np.array([each[places] for each in single], np.float64) * unit
         top = float(np.abs(at[np.isfinite(at)]).max(initial=0.0)) or 1.0
@@ -163,15 +165,20 @@ def adapt(central: Differentiator, x: Samples, result: Samples, sigma: Floats, t
         whole = [each[..., inner].reshape(*each.shape[:-1], -1, spacing) for each in estimates]
         each_time = max(1, CHUNK // spacing)
         for first in range(0, places.size - 1, each_time):
-            _mix(mixed, whole, share, slice(first, min(first + each_time, places.size - 1)), along)
+            _mix(mixed, whole, found.chosen, share, slice(first, min(first + each_time, places.size - 1)), along)
 
 
-def _mix(mixed: Samples, estimates: list[Samples], share: Floats, some: slice, along: Floats) -> None:
-    """Put the weighted mean of estimates into `mixed`; from one place to the next shares change linearly."""
+def _mix(mixed: Samples, estimates: list[Samples], chosen: int, share: Floats, some: slice, along: Floats) -> None:
+    """Make the estimates of one window, in `mixed`, the weighted mean of all; shares change linearly between places."""
     steps = np.diff(share[:, some.start : some.stop + 1], axis=1)
-    total: Samples | float = 0.0
-    for estimate, part, step in zip(estimates, share, steps, strict=True):
-        ramp = step[:, np.newaxis] * along
-        ramp += part[some, np.newaxis]
-        total = total + ramp * estimate[..., some, :]
-    mixed[..., some, :] = total
+    total = mixed[..., some, :]
+    ramp, product = np.empty(total.shape[-2:]), np.empty_like(total)
+
+    def shared(k: int) -> Floats:
+        np.multiply(steps[k, :, np.newaxis], along, out=ramp)
+        return np.add(ramp, share[k, some, np.newaxis], out=ramp)
+
+    total *= shared(chosen)
+    for k, estimate in enumerate(estimates):
+        if k != chosen:
+            total += np.multiply(estimate[..., some, :], shared(k), out=product)
