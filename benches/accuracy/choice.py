@@ -105,13 +105,13 @@ def oracle(case: Case) -> tuple[algdiff.Differentiator, float]:
     return members(case.count, case.deriv)[best][0], float(np.sqrt(risks[best])) / delta**case.deriv
 
 
-def measured(case: Case, seeds: int, local: bool) -> dict[str, Any]:
+def measured(case: Case, seeds: int, local: bool, exponent: float) -> dict[str, Any]:
     """Return the errors of the choice and of the oracle, and those that were estimated."""
     x, truth, delta = case.sampled()
     errors, estimated, windows = [], [], []
     for seed in range(seeds):
         y = x + case.noise(x, seed)
-        suggestion = algdiff.suggest(y, case.deriv, delta=delta, local=local)
+        suggestion = algdiff.suggest(y, case.deriv, delta=delta, local=local, kappa=exponent, mu=exponent)
         errors.append(float(np.square(suggestion(y) - truth).mean()))
         estimated.append(suggestion.rmse)
         windows.append((suggestion.differentiator.window_length, suggestion.differentiator.degree))
@@ -145,13 +145,16 @@ def main() -> None:
     parser.add_argument("--signals", nargs="+", metavar="NAME", help="some of the signals")
     parser.add_argument("--counts", nargs="+", type=int, default=COUNTS, help="numbers of samples")
     parser.add_argument("--seeds", type=int, default=SEEDS, help="realisations of the noise")
+    parser.add_argument("--exponent", type=float, default=1.0, help="kappa and mu of the windows that are compared")
     parser.add_argument("--local", action="store_true", help="let the window adapt along the signal")
     parser.add_argument("--worst", type=int, default=12, help="how many of the worst cases to print")
     parser.add_argument("--json", type=Path, help="where all figures go")
     options = parser.parse_args()
     warnings.simplefilter("ignore", algdiff.DesignWarning)
     chosen = [one for one in SIGNALS if options.signals is None or one.name in options.signals]
-    found = [measured(case, options.seeds, options.local) for case in cases(chosen, tuple(options.counts))]
+    found = [
+        measured(case, options.seeds, options.local, options.exponent) for case in cases(chosen, tuple(options.counts))
+    ]
     figures = summary(found)
     print(f"{len(found)} cases, {options.seeds} seeds: error of the choice over that of the best member")
     for name, target in TARGETS.items():
