@@ -190,7 +190,7 @@ def _one(
     if beyond > 0:
         left = np.square(coefficients[:, highest + 1 :]).sum(axis=1)
         explained = left <= beyond * np.square(sigma) * float(quantile(np.array(float(beyond)), DEVIATIONS))
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         scores = coefficients / sigma[:, None]
         shares = 1.0 - CAUTION / np.square(scores)
     shares = np.where(np.isfinite(shares), np.maximum(shares, 0.0), 0.0)
