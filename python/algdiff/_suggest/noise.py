@@ -107,11 +107,12 @@ def coloured(distance: Floats, freedom: Floats, family: Family, sigma: float, st
     levels = np.full(family.gain.size, sigma**2)
     for degree in np.unique(family.degree):
         chain = np.flatnonzero(family.degree == degree)
-        for finer, last, one in zip(chain, chain[1:], chain[2:], strict=False):
-            ratio = distance[one, finer] / family.difference[one, finer]
-            if ratio > sigma**2 * float(quantile(np.array(freedom[one, finer]), QUANTILE)):
-                most = levels[last] * (family.window[one] / family.window[last]) ** steepest
-                levels[one] = max(sigma**2, min(ratio, most))
+        apart = chain[2:], chain[:-2]
+        ratios = distance[apart] / family.difference[apart]
+        more = ratios > sigma**2 * quantile(freedom[apart], QUANTILE)
+        rises = (family.window[chain[1:]] / family.window[chain[:-1]]) ** steepest
+        for k in np.flatnonzero(more):
+            levels[chain[k + 2]] = max(sigma**2, min(ratios[k], levels[chain[k + 1]] * rises[k + 1]))
     roots: Floats = np.sqrt(levels)
     return roots
 
