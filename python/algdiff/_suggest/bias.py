@@ -32,7 +32,7 @@ POWERS = (0.5, 8.0)
 """Powers that are told apart: a lower one would be noise, higher ones show the same part."""
 
 LESS = 0.5
-"""By which the power is below that of a smooth signal, where low frequencies would be all that counts."""
+"""The power stays so far below twice that of a smooth signal, where the lowest frequencies would be all that counts."""
 
 SHORTEST = 2.2
 """A candidate's window over the shortest one that it is compared with."""
@@ -61,7 +61,7 @@ def squared_bias(
     """
     chain = np.flatnonzero(family.degree == family.degree[best])
     place = int(np.searchsorted(chain, best))
-    noise = np.maximum(sigma, sigma[:, None]) ** 2 * family.difference
+    noise = family.apart(sigma)
     excess, spread = distance - noise, noise * np.sqrt(2.0 / freedom)
     end = min(place + LONGER + 1, int(np.searchsorted(family.window[chain], HIGHEST * length, "right")))
     if end <= place:
@@ -73,8 +73,7 @@ def squared_bias(
     finer = finer[(family.window[best] <= SHORTEST * family.window[finer]) & (spread[best, finer] > 0)]
     if power is None or not finer.size:
         return None
-    # What is smooth rises by no more than this.
-    power = min(power, 2 * (reproduced(one.degree, one.deriv) + 1 - one.deriv) - LESS)
+    power = min(power, 2 * _smooth(one.deriv, one.degree) - LESS)
     shown = shares(one.deriv, one.degree, one.kappa, power, family.window[best] / family.window[finer])
     # The least squares estimate of what they all are a part of.
     weight = shown / spread[best, finer] ** 2
@@ -117,9 +116,13 @@ def _frequency_response(deriv: int, degree: int, exponent: float) -> tuple[Float
     passed[seen] = ((phases @ weights) / (1j * frequency[seen]) ** deriv).real
     # Lower, what does not pass rises by the power of a smooth signal's bias, and drowns in rounding.
     first = int(np.searchsorted(place, math.log(0.3)))
-    smooth = reproduced(degree, deriv) + 1 - deriv
-    passed[:first] = 1.0 - (1.0 - passed[first]) * np.exp(smooth * (place[:first] - place[first]))
+    passed[:first] = 1.0 - (1.0 - passed[first]) * np.exp(_smooth(deriv, degree) * (place[:first] - place[first]))
     return place, passed
+
+
+def _smooth(deriv: int, degree: int) -> int:
+    """Return the power of the window that the bias of a smooth signal rises by."""
+    return reproduced(degree, deriv) + 1 - deriv
 
 
 _response = lru_cache(maxsize=64)(_frequency_response)

@@ -87,6 +87,11 @@ class Family(NamedTuple):
     difference: Floats
     memory: Floats
 
+    def apart(self, sigma: Floats) -> Floats:
+        """Return the variance of the difference of two candidates for noise of a level for each, the higher one's."""
+        variance: Floats = np.maximum(sigma, sigma[:, None]) ** 2 * self.difference
+        return variance
+
 
 def family(
     deriv: int, lengths: tuple[tuple[int, tuple[int, ...]], ...], kappa: float, mu: float, correlation: float = 0.0

@@ -240,10 +240,9 @@ def _parts(found: Chosen, want: Wanted) -> tuple[float, float]:
     middle = max(length - 2 * half, 0) / length
     noise2, bias2 = middle * found.variance, middle * found.bias2
     for rows in (found.rows, found.rows[:, ::-1]):
-        edge = edges.start(
-            rows, length, found.design.window_length, found.design.degree, want.exponent, order, sigma, True
-        )
+        window, degree = found.design.window_length, found.design.degree
+        edge = edges.start(rows, length, window, degree, want.exponent, order, sigma, risk=True)
         share = min(half, length) / length
         noise2 += share * float(np.square(edge.std[..., :half]).mean())
-        bias2 += share * max(0.0, float(edge.bias2[..., :half].mean()))
+        bias2 += share * float(edge.bias2[..., :half].mean())
     return noise2, bias2

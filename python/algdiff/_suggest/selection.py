@@ -45,7 +45,7 @@ class Risk(NamedTuple):
     bias2, variance : ndarray
         The square of the bias and the variance of every candidate.
     found : float
-        The square of the bias of the best one, as compared with its references.
+        The square of the bias of the best one, as compared with its references; or, where `bias` can tell, by that.
     """
 
     best: int
@@ -70,7 +70,7 @@ def select(
     allowed : ndarray of bool, optional
         Which candidates may be chosen.
     """
-    noise = np.maximum(sigma, sigma[:, None]) ** 2 * family.difference
+    noise = family.apart(sigma)
     bound = noise * quantile(freedom, QUANTILE)
     seen = np.where(distance > bound, distance - noise, 0.0)
     finer = (family.gain > STEP * family.gain[:, None]) & (family.gain <= REACH * family.gain[:, None])
