@@ -77,7 +77,7 @@ if __name__ == "__main__":
         from distributed import Client, LocalCluster
 
         for processes in (True, False):
-            with LocalCluster(1, threads_per_worker=2, processes=processes, dashboard_address=None) as cluster:
+            with LocalCluster(1, threads_per_worker=2, processes=processes, dashboard_address="127.0.0.1:0") as cluster:
                 with Client(cluster) as client:
                     for task in (threads_here, in_a_pool):
                         print(*client.gather(client.map(task, range(3))))

@@ -244,7 +244,7 @@ CHECKS = [
 
 if __name__ == "__main__":
     with LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, memory_limit="2GiB"
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0", memory_limit="2GiB"
     ) as cluster:
         with Client(cluster) as client:
             for check in CHECKS:

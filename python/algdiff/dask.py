@@ -117,7 +117,7 @@ def differentiate_paths(
     >>> from distributed import Client
     >>> folder = pathlib.Path(tempfile.mkdtemp())
     >>> np.save(folder / "x.npy", np.arange(10_000.0))
-    >>> with Client(processes=False, n_workers=1, threads_per_worker=2, dashboard_address=None) as client:
+    >>> with Client(processes=False, n_workers=1, threads_per_worker=2, dashboard_address="127.0.0.1:0") as client:
     ...     report = differentiate_paths(client, folder / "x.npy", folder / "v.npy", 101, fs=100)
     >>> bool(np.allclose(np.load(folder / "v.npy"), 100))
     True
