@@ -1,4 +1,4 @@
-.PHONY: help dev fmt lint test-rust test-registers test check bench soak
+.PHONY: help dev fmt lint test-rust test-registers docs test check bench soak
 
 PYTHON ?= python
 
@@ -6,7 +6,7 @@ help: ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/:/' | column -t -s:
 
 dev: ## install the package and all tools into the current environment
-	$(PYTHON) -m pip install '.[test,lint,demo,bench]'
+	$(PYTHON) -m pip install '.[test,lint,demo,bench,docs]'
 
 fmt: ## format Rust and Python
 	cargo fmt --all
@@ -21,8 +21,11 @@ lint: ## formatters, linters, types and stubs; needs `make dev`
 	mypy
 	cd tests && $(PYTHON) -m mypy.stubtest algdiff --ignore-disjoint-bases --mypy-config-file ../pyproject.toml
 
+# The unit tests are compiled without optimisation, which takes a quarter of the time; what users get is tested by the rest.
 test-rust: ## tests of the core
-	cargo test --workspace --release
+	cargo test --workspace --release --lib --config 'profile.release.package.algdiff-core.opt-level=0'
+	cargo test --workspace --release --test parts --test stream
+	cargo test --workspace --release --doc
 	cargo run --release --example control_loop
 
 test-registers: ## the engines on registers of other CPUs as well; takes minutes to compile

@@ -14,6 +14,7 @@ __all__ = [
     "Stream",
     "delay_tradeoff",
     "lambdas",
+    "registers",
 ]
 
 class InternalError(RuntimeError): ...
@@ -217,3 +218,5 @@ class Simultaneous:
 def lambdas(
     deriv: int, degree: int, exponents: tuple[float, float], points: NDArray[np.float64], out: NDArray[np.float64]
 ) -> None: ...
+
+def registers() -> tuple[int, bool]: ...

@@ -10,7 +10,7 @@ use algdiff_core::analysis::{Conditions, Tradeoff};
 use algdiff_core::bank::Bank as CoreBank;
 use algdiff_core::control::Control;
 use algdiff_core::design::{Design, Place};
-use algdiff_core::engine::{ENGINES, Sample};
+use algdiff_core::engine::{ENGINES, Sample, choice};
 use algdiff_core::error::Error;
 use algdiff_core::kernel::{Kernel as CoreKernel, Tau};
 use algdiff_core::paper;
@@ -21,7 +21,7 @@ use numpy::{Complex64, Element, PyArray1, PyArrayMethods, PyReadonlyArray1, PyRe
 use pyo3::exceptions::{PyMemoryError, PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
-pyo3::create_exception!(_core, InternalError, PyRuntimeError, "A defect of algdiff itself: please report it.");
+pyo3::create_exception!(algdiff._core, InternalError, PyRuntimeError, "A defect of algdiff itself: please report it.");
 
 /// Listens for Ctrl-C, and hands on how far a run is.
 struct Attended {
@@ -488,6 +488,11 @@ fn lambdas(deriv: usize, degree: usize, exponents: (f64, f64), points: &Array<'_
     enter_with(points, out, |points, out, _| paper::lambdas(deriv, degree, exponents, points, out))
 }
 
+#[pyfunction]
+fn registers() -> (usize, bool) {
+    choice::registers()
+}
+
 /// The module `algdiff._core`.
 #[pymodule]
 mod _core {
@@ -496,5 +501,5 @@ mod _core {
     #[pymodule_export]
     use super::stream::Stream;
     #[pymodule_export]
-    use super::{Bank, InternalError, Kernel, Plan, Simultaneous, delay_tradeoff, lambdas};
+    use super::{Bank, InternalError, Kernel, Plan, Simultaneous, delay_tradeoff, lambdas, registers};
 }

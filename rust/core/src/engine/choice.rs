@@ -30,18 +30,25 @@ const SHORT: Costs = Costs { direct: ([0.048, 0.024], 0.4), moments: ([0.30, 0.3
 
 /// The costs on this kind of CPU.
 fn costs() -> &'static Costs {
-    struct Kind;
-    impl WithSimd for Kind {
-        type Output = &'static Costs;
-        fn with_simd<S: Simd>(self, _simd: S) -> &'static Costs {
-            match size_of::<S::f64s>() {
-                64 if in_halves() => &HALVES,
-                64 => &LONG,
-                _ => &SHORT,
-            }
+    match registers() {
+        (64, true) => &LONG,
+        (64, false) => &HALVES,
+        _ => &SHORT,
+    }
+}
+
+/// The bytes of the registers in use on this CPU, and whether it works on them whole.
+#[must_use]
+pub fn registers() -> (usize, bool) {
+    struct Size;
+    impl WithSimd for Size {
+        type Output = usize;
+        fn with_simd<S: Simd>(self, _simd: S) -> usize {
+            size_of::<S::f64s>()
         }
     }
-    Arch::new().dispatch(Kind)
+    let bytes = Arch::new().dispatch(Size);
+    (bytes, bytes < 64 || !in_halves())
 }
 
 /// Whether this is a CPU that works on registers of 64 bytes in halves, which it does not say: the instructions that it has,
