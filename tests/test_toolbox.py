@@ -2,8 +2,8 @@
 
 The toolbox numbers the exponents by the end of the kernel that they shape and not by the weight: alpha = mu + deriv,
 beta = kappa + deriv, its N = degree - deriv, its theta = 2 tau - 1, and its time t is the lag T (1 - tau) from the
-newest end (theory section 0). What it said is recorded in golden/toolbox.json, by toolbox.py; the last test has it said
-again, in a virtual environment of its own: both packages are called algdiff where file names ignore case.
+newest end (theory section 0). What it said is recorded in golden/toolbox.json, by toolbox.py; test_toolbox_again.py
+has it said again.
 
 Left out: the cutoff and the low-pass model for alpha = beta where both of its signed asymptote constants are negative,
 for it takes the larger without the absolute value (one case of the grid, tested to be so); get_stepResponse for N >= 1,
@@ -14,11 +14,6 @@ docs/algdiff-toolbox.md).
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import venv
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,7 +25,6 @@ from support import EPS, Case, design, golden
 
 CASES = golden("toolbox.json")
 RULES = {"mid-point": "midpoint", "trapezoidal": "trapezoid", "analytic": "cell", "analytic trapezoidal": "hat"}
-TOOLBOX = ["algdiff==2.4", "numpy<2.4", "scipy", "mpmath"]  # it calls numpy.trapz, which numpy 2.4 no longer has
 
 
 def toolbox_id(case: Case) -> str:
@@ -146,32 +140,6 @@ def test_it_leaks_a_constant_and_the_exact_rule_does_not() -> None:
     ours = algdiff.Differentiator.from_duration(case["T"], 1, delta=case["ts"], **options(case, 1))
     assert leak > 1e-3
     assert abs(ours.weights.sum()) <= 64 * EPS * ours.norm1
-
-
-@pytest.fixture(scope="session")
-def toolbox_python(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the Python of a new virtual environment with the toolbox; skip if no package index can be reached."""
-    folder = tmp_path_factory.mktemp("toolbox")
-    venv.EnvBuilder(with_pip=True).create(folder)
-    python = folder / ("Scripts" if os.name == "nt" else "bin") / "python"
-    pip = [str(python), "-m", "pip", "--disable-pip-version-check", "install", "--quiet", "--retries", "1", *TOOLBOX]
-    try:
-        done = subprocess.run(pip, capture_output=True, text=True, timeout=300, check=False)
-    except subprocess.TimeoutExpired:
-        pytest.skip("the package index is too slow to install the AlgDiff toolbox")
-    if done.returncode:
-        pytest.skip(f"cannot install the AlgDiff toolbox: {(done.stderr.strip().splitlines() or ['no reason'])[-1]}")
-    return python
-
-
-def test_the_toolbox_still_says_so(toolbox_python: Path) -> None:
-    script = Path(__file__).parent / "toolbox.py"
-    clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    run = subprocess.run([str(toolbox_python), str(script)], capture_output=True, text=True, env=clean, check=True)
-    said = json.loads(run.stdout)
-    assert len(said) == len(CASES)
-    for ours, case in zip(said, CASES, strict=True):
-        compare(ours, case)
 
 
 def compare(said: Any, expected: Any, scale: float = 0.0) -> None:
