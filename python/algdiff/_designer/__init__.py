@@ -1,0 +1,1 @@
+"""The live page of ``algdiff designer``, served on this machine."""

@@ -1,0 +1,143 @@
+"""What the designer page differentiates: a stretch of a file, or the shipped pendulum; thinned for drawing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from algdiff._noise import noise_level
+
+if TYPE_CHECKING:
+    from algdiff._formats.base import Source
+
+Floats = NDArray[np.float64]
+
+NUMBERS = 1 << 21
+"""Numbers that are read, at most, of all columns together."""
+COLUMNS = 64
+"""Columns that are offered, at most."""
+SECONDS = 7.0
+"""What is shown of the pendulum at first: how it is released, and some swings."""
+PARTS = 600
+"""Of so many parts of what is shown the least and the largest values are drawn."""
+
+
+@dataclass
+class Recording:
+    """Samples by column, all at the same times.
+
+    Attributes
+    ----------
+    name : str
+        What it is called: any text.
+    columns : tuple of str
+        Names of the columns: any text.
+    samples : ndarray, shape (columns, samples)
+        The samples, of a step that the page may change.
+    delta : float
+        The step that is known, or 1.
+    first : int
+        The number of the first sample, in the file.
+    note : str
+        What else is to be said of it.
+    shown : int
+        Samples that the page shows at first; 0 for all.
+    """
+
+    name: str
+    columns: tuple[str, ...]
+    samples: Floats
+    delta: float
+    first: int = 0
+    note: str = ""
+    shown: int = 0
+    _known: dict[int, tuple[float, int]] = field(default_factory=dict)
+
+    @property
+    def count(self) -> int:
+        """How many samples a column has."""
+        return int(self.samples.shape[1])
+
+    def noise(self, column: int) -> float:
+        """Return the level of the noise in a column; NaN if it cannot be told."""
+        return self._of(column)[0]
+
+    def missing(self, column: int) -> int:
+        """Return how many samples of a column are missing."""
+        return self._of(column)[1]
+
+    def _of(self, column: int) -> tuple[float, int]:
+        if column not in self._known:
+            x = self.samples[column]
+            self._known[column] = float(noise_level(x)), int(np.isnan(x).sum())
+        return self._known[column]
+
+
+def pendulum() -> Recording:
+    """Return the recording that ships with the package."""
+    from algdiff import _demo
+
+    angle, delta = _demo.recording()
+    note = f"angle in rad, from an encoder of 40,000 counts per revolution: {angle.size:,} samples"
+    return Recording("pendulum", ("angle",), angle[np.newaxis], delta, 0, note, round(SECONDS / delta))
+
+
+def read(source: Source, name: str, axis: int | None = None, step: float | None = None) -> Recording:
+    """Return what is shown of an array that is open: of a long one, a stretch in the middle.
+
+    Raises
+    ------
+    ValueError
+        The array holds no samples.
+    """
+    from algdiff._cli_auto import Stretch
+
+    if not math.prod(source.shape):
+        raise ValueError(f"{name}: must hold samples, got shape {source.shape}")
+    whole = Stretch.of(source, axis)
+    samples, others = whole.shape[whole.axis], (*whole.shape[: whole.axis], *whole.shape[whole.axis + 1 :])
+    parts = 2 if source.dtype.kind == "c" else 1
+    kept = min(whole.channels, COLUMNS // parts)
+    rows = tuple(tuple(map(int, np.unravel_index(row, others))) for row in range(kept)) if others else ((),)
+    count = max(min(samples, NUMBERS // (parts * kept), whole.stop - whole.start), 1)
+    first = (samples - count) // 2
+    x = whole._replace(start=first, stop=first + count, rows=rows).read(source)
+    names = [one or "Signal" for one in (source.names or [", ".join(map(str, row)) for row in rows])][:kept]
+    if parts == 2:
+        names = [f"{part} of {one}" for one in names for part in ("real part", "imaginary part")]
+        x = np.stack([x.real, x.imag], axis=1).reshape(-1, count)
+    stated = source.step_along(whole.axis) if step is None else step
+    said = [f"{count:,} samples" if count == samples else f"samples {first} to {first + count - 1} of {samples:,}"]
+    if kept < whole.channels:
+        said.append(f"the first {kept} of {whole.channels:,} columns")
+    delta = 1.0 if stated is None else stated
+    return Recording(name, tuple(names), x.astype(np.float64), delta, first, ", ".join(said))
+
+
+def thinned(start: int, stop: int, *values: Floats) -> NDArray[np.intp]:
+    """Return which samples of a stretch are drawn: where each of `values` is least and largest, part by part.
+
+    Parameters
+    ----------
+    start, stop : int
+        The stretch.
+    *values : ndarray
+        Of all samples; NaN where there is none.
+    """
+    length = (stop - start) // PARTS
+    if length < 4:
+        return np.arange(start, stop)
+    whole = start + length * ((stop - start) // length)
+    begins = np.arange(start, whole, length)
+    kept = [begins, np.arange(whole, stop), np.array([stop - 1])]
+    for one in values:
+        parts = one[start:whole].reshape(-1, length)
+        gaps = np.isnan(parts)
+        holes = bool(gaps.any())
+        for find, filler in ((np.argmin, np.inf), (np.argmax, -np.inf)):
+            kept.append(begins + find(np.where(gaps, filler, parts) if holes else parts, axis=1))
+    return np.unique(np.concatenate(kept))

@@ -1,0 +1,1 @@
+"""Pages that need nothing but themselves: the document, and the report on a design or a recording."""
