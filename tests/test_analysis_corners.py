@@ -121,8 +121,11 @@ def test_masks_and_units_are_refused(call: Callable[[Any], object], bad: object)
         (lambda: Differentiator(5, trim=np.ma.masked), "trim must be a real number"),
         (lambda: Differentiator.from_cutoff(0.1, rule=np.ones(2)), "rule must be a word"),
         (lambda: Differentiator.from_cutoff(0.1, unit=np.ones(2)), "unit must be 'Hz' or 'rad/s'"),
-        (lambda: Differentiator.from_delay(5, tau=np.ones(2)), "tau must be a real number"),
-        (lambda: Differentiator.from_notch(0.1, tau=np.ones(2)), "tau must be a real number"),
+        (lambda: Differentiator.from_delay(5, tau=np.ones(2)), r"tau must be a word .* or a real number"),
+        (
+            lambda: Differentiator.from_notch(0.1, tau=np.ones(2)),
+            r"tau must be a word .* or a real number",
+        ),
         (lambda: Kernel(1).optimal_duration(1, 1, bounded="no"), "bounded must be True or False, got 'no'"),
     ],
 )

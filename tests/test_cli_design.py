@@ -219,7 +219,7 @@ def test_other_units_are_refused(read: Any, text: str) -> None:
         (["--notch", 0.1, "--kappa", 2], "kappa and mu must be equal for a notch"),
         (["--notch", 0.1, "--tau", "newest"], "--tau must be 'center' for a notch"),
         (["--for-delay", 10, "--tau", "newest"], "--tau must be a point before the newest sample"),
-        (["--for-delay", 10, "--delay", 5], "--delay cannot be given with --for-delay, got 5.0 and 10.0"),
+        (["--for-delay", 10, "--delay", 5], "--delay must be left out with --for-delay, got 5.0 and 10.0"),
         (["--window", 3], "--window: window_length must be at least degree + 1"),
         (["--window", 20, "--rule", "simpson"], "--window: window_length must be odd"),
         (["--window", 20, "--trim", 0.7], "--trim must be at least 0 and less than 1/2"),
@@ -369,7 +369,7 @@ def test_nothing_is_written_when_the_picture_fails(
 
 def test_missing_folders(capsys: pytest.CaptureFixture[str]) -> None:
     assert run("--window", 21, "--c", "none/d.h") == 1
-    assert error_line(capsys) == "none/d.h: its folder does not exist"
+    assert error_line(capsys) == "none/d.h: its folder does not exist: make it first"
 
 
 # --- what run shares ---------------------------------------------------------------------------------------------

@@ -133,9 +133,9 @@ def test_csv_keeps_nan(x):
         ("a,b,c\n1,2\n4,5\n", "the rows must have 3 columns as the first, got 2"),
         ("a\n1\n \n", "line 3, column 0 must be a number, got ' '"),
         ("1,5;2,5\n1,5;2,5\n", "column 0 must be a number, got '1,5'"),
-        ("a,b\n", "no numbers"),
-        ("", "no numbers"),
-        ("\n\n", "no numbers"),
+        ("a,b\n", "must hold numbers, got none"),
+        ("", "must hold numbers, got none"),
+        ("\n\n", "must hold numbers, got none"),
     ],
 )
 def test_malformed_csv(capsys, text, message):

@@ -221,7 +221,7 @@ def test_bad_files(capsys):
 def test_a_single_number_holds_no_samples(capsys):
     np.save("x.npy", 1.0)
     assert main(["info", "x.npy"]) == 1
-    assert error_line(capsys) == "x.npy: holds a single number, and no samples"
+    assert error_line(capsys) == "x.npy: must hold samples, got a single number"
 
 
 @pytest.mark.parametrize(("module", "name"), [("h5py", "x.h5"), ("zarr", "x.zarr"), ("pyarrow", "x.parquet")])

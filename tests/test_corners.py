@@ -174,7 +174,7 @@ def test_weights_next_to_overflow() -> None:
 @pytest.mark.parametrize("name", ["kappa", "mu", "tau", "delay", "delta", "fs"])
 @pytest.mark.parametrize("value", [True, np.True_])
 def test_truth_is_no_real_number(name: str, value: Any) -> None:
-    with pytest.raises(TypeError, match=f"{name} must be a real number, got"):
+    with pytest.raises(TypeError, match=f"{name} must be .*a real number, got"):
         algdiff.Differentiator(21, **{name: value})
 
 

@@ -40,7 +40,7 @@ NAN, INF = float("nan"), float("inf")
         (ValueError, "tau must be finite", {"tau": NAN}),
         (ValueError, "tau must be finite", {"tau": INF}),
         (ValueError, "tau must be 'center', 'root', 'newest' or a number, got 'middle'", {"tau": "middle"}),
-        (TypeError, "tau must be a real number", {"tau": [0.5]}),
+        (TypeError, "tau must be a word such as 'center' or a real number", {"tau": [0.5]}),
         (ValueError, "give tau or delay, not both", {"tau": 0.5, "delay": 0.0}),
         (ValueError, "delay must be finite", {"delay": NAN}),
         (TypeError, "delay must be a real number", {"delay": "0"}),

@@ -82,7 +82,7 @@ def test_missing_samples_that_are_refused_are_told_with_their_file() -> None:
 
 def test_time_is_said_once() -> None:
     np.savetxt("x.csv", np.stack([np.arange(100) / 100, X[0, :100]], axis=1), delimiter=",", header="t,x", comments="")
-    with pytest.raises(ValueError, match=r"^give time, delta or fs: got time and another"):
+    with pytest.raises(ValueError, match=r"^give time, delta or fs, one of them: got time and another"):
         algdiff.differentiate_file("x.csv", "y.csv", 21, time="t", fs=50)
     assert algdiff.differentiate_file("x.csv", "y.csv", 21, time="t").delta == pytest.approx(0.01)
 

@@ -74,7 +74,7 @@ def test_dates_are_seconds(unit: str, a_second: float, origin: int, even: bool) 
 def test_times_too_far_apart_are_refused(t: Any) -> None:
     t = np.concatenate([t, [1.7e308]]) if t[-1] < 1 else np.asarray(t)
     for times in (t, t[::-1]):
-        with pytest.raises(ValueError, match=r"^t must be finite, got .* too far apart"):
+        with pytest.raises(ValueError, match=r"^t must be finite, and not too far apart, got [-1]"):
             differentiate(np.arange(len(t)), 5, t=times)
 
 
@@ -98,7 +98,7 @@ def test_even_times_are_a_step_to_the_bit() -> None:
 @pytest.mark.parametrize("name", ["t", "sigma", "weights", "at", "autocovariance"])
 def test_masked_values_are_refused(name: str) -> None:
     call: dict[str, Any] = {name: np.ma.masked_array(np.arange(1.0, N + 1), np.arange(N) == 4)}
-    with pytest.raises(TypeError, match=rf"^{name} is a masked array with masked values"):
+    with pytest.raises(TypeError, match=rf"^{name} must have no masked values, got 1: fill them"):
         differentiate(X, 9, return_std=True, **call)
 
 

@@ -249,7 +249,7 @@ def test_flac_must_say_how_long_it_is(count):
 
 def test_nothing_else_is_taken():
     sf.write("x.wav", np.zeros((0, 2)), RATE)
-    assert error_of("x.wav") == "x.wav: holds no samples"
+    assert error_of("x.wav") == "x.wav: must hold samples, got none"
     for kind in ("IMA_ADPCM", "ULAW"):
         sf.write("x.wav", np.zeros(1000), RATE, subtype=kind)
         assert "must hold PCM or floating-point samples, got " in error_of("x.wav")
@@ -365,7 +365,7 @@ def test_rates(step, rate):
 @pytest.mark.parametrize(
     ("name", "more", "said"),
     [
-        ("y.wav", {"step": None}, "the sampling rate must be known for a .wav OUT: give delta or fs"),
+        ("y.wav", {"step": None}, "the sampling rate must be known for a .wav OUT, got none: give delta or fs"),
         ("y.wav", {"step": 2.0}, "a .wav OUT must have a whole sampling rate of 1 to 2147483647 Hz, got 0.5 Hz"),
         ("y.wav", {"step": 3e-3}, "a whole sampling rate of 1 to 2147483647 Hz, got 333.333333333 Hz"),
         ("y.wav", {"step": 1e-3 * (1 + 2e-9)}, "got 999.999998 Hz"),

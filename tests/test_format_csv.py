@@ -176,9 +176,9 @@ def test_what_is_not_chosen_by_name_may_be_text():
         ("1\n1_0\n", "line 2, column 0 must be a number, got '1_0'"),
         ('1\n"2\n3\n', "line 2 must end the quotes that it begins"),
         ("a\n1,2\n", "the rows must have 1 columns as the first, got 2"),
-        ("a,b\n", "holds no numbers"),
-        ("", "holds no numbers"),
-        ("\n\n", "holds no numbers"),
+        ("a,b\n", "must hold numbers, got none"),
+        ("", "must hold numbers, got none"),
+        ("\n\n", "must hold numbers, got none"),
         (b"\xff\xfe1\n2\n", "not UTF-8 text"),
         (b"1\n2\xff\n", "not UTF-8 text"),
         (b"1\n\0\n", "line 2, column 0 must be a number"),
@@ -394,7 +394,7 @@ def test_a_single_time_says_no_step():
     with opened("t,x\n3,1\n", time="t") as source:
         assert source.step is None
         assert read(source, 0, 1)[1] == [3.0]
-    with pytest.raises(ValueError, match="no column of numbers beside the times in 't'"):
+    with pytest.raises(ValueError, match="must hold a column of numbers beside the times in 't', got none"):
         opened("t\n1\n2\n", time="t")
 
 

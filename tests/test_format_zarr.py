@@ -90,7 +90,7 @@ def test_names_of_arrays(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"x\.zarr/g/when must hold real or complex numbers, got datetime64\[s\]$"):
         source(f"{path}:/g/when")
     for name in ("../x.zarr/x00", "g/../x00", "..."):
-        with pytest.raises(ValueError, match=r"x\.zarr: the name of an array must not be "):
+        with pytest.raises(ValueError, match=r"x\.zarr: an array must have a printable name"):
             source(f"{path}:{name}")
 
 
@@ -554,7 +554,7 @@ def test_stamps_change_with_the_array(tmp_path: Path) -> None:
 
 def test_what_cannot_be_an_output_is_refused(tmp_path: Path) -> None:
     for name in ("a/../b", "..", "__a", "a\0", "zarr.json", "a/c\\d"):
-        with pytest.raises(ValueError, match=r"y\.zarr: the name of an array must not be "):
+        with pytest.raises(ValueError, match=r"y\.zarr: an array must have a printable name"):
             formats.check(formats.located("dst", f"{tmp_path}/y.zarr:{name}"), layout((1, 1), (1,), False, "f8"))
     place = formats.located("dst", tmp_path / "y.zarr")
     formats.create(place, place.path, layout((3, 50), (1,), False, "f8")).close()

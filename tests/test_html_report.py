@@ -400,7 +400,7 @@ def test_nothing_is_left_of_a_failure(x, capsys, monkeypatch, place, fault):
         (["x.npy", "--axis", "1"], 1, "--axis must be "),
         (["x.csv", "--time", "t", "--fs", "3"], 2, "give --time, --delta or --fs: got --time and another"),
         (["gap.npy", "--window", "21", "--nan-policy", "raise"], 1, "gap.npy must hold no missing samples"),
-        (["scalar.npy"], 1, "scalar.npy: holds a single number, and no samples"),
+        (["scalar.npy"], 1, "scalar.npy: must hold samples, got a single number"),
         (["empty.npy", "--window", "21"], 1, "empty.npy: must hold "),
         (["d.json", "--window", "21"], 2, "--window is for a recording, got the design d.json"),
         (["d.json", "--auto"], 2, "--auto is for a recording, got the design d.json"),

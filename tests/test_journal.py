@@ -345,7 +345,7 @@ def test_of_two_runs_at_once_the_second_is_refused(x: np.ndarray[Any, Any]) -> N
     try:
         assert begun.wait(60)
         for words in [{"resume": True}, {"resume": False}, {"resume": False, "overwrite": True}]:
-            with pytest.raises(BlockingIOError, match=r"y\.npy\.partial: is being written by another run$"):
+            with pytest.raises(BlockingIOError, match=r"y\.npy\.partial: is being written by another run: wait"):
                 again(**words)
             assert set(os.listdir()) == {"x.npy", *LEFT}
     finally:
@@ -409,17 +409,17 @@ def test_a_link_to_nothing_is_followed_if_it_may_be(x: np.ndarray[Any, Any]) -> 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
 def test_folders_that_cannot_be_written() -> None:
     os.mkdir("far", 0o500)
-    with pytest.raises(PermissionError, match=r"^far/y\.npy: its folder cannot be written$"):
+    with pytest.raises(PermissionError, match=r"^far/y\.npy: its folder cannot be written: use another$"):
         algdiff.differentiate_file("x.npy", "far/y.npy", **CALL)
 
 
 def test_outputs_of_impossible_names() -> None:
     os.mkdir("y.npy")
-    with pytest.raises(FileExistsError, match=r"^y\.npy: exists and is not a regular file$"):
+    with pytest.raises(FileExistsError, match=r"^y\.npy: exists and is not a regular file: use another name$"):
         again(overwrite=True)
-    with pytest.raises(FileNotFoundError, match=r"^far/y\.npy: its folder does not exist$"):
+    with pytest.raises(FileNotFoundError, match=r"^far/y\.npy: its folder does not exist: make it first$"):
         algdiff.differentiate_file("x.npy", "far/y.npy", **CALL)
-    with pytest.raises(FileNotFoundError, match=r"^x\.npy/y\.npy: its folder does not exist$"):
+    with pytest.raises(FileNotFoundError, match=r"^x\.npy/y\.npy: its folder does not exist: make it first$"):
         algdiff.differentiate_file("x.npy", "x.npy/y.npy", **CALL)
     name = "y" * 240 + ".npy"  # which leaves no room for more
     with pytest.raises(OSError, match=rf"{name}: cannot be written \(File name too long\)$"):

@@ -64,7 +64,7 @@ def test_what_samples_must_not_be(channels: int | None) -> None:
             stream.push(x)
     for x in (None, "1", b"1", object(), {"a": 1}, np.datetime64("2024-01-01"), [None, None], 1j, np.ones(2) * 1j):
         for more in ({}, {"return_std": True}):
-            with pytest.raises(TypeError, match=r"^x must .*real"):
+            with pytest.raises(TypeError, match=r"^x must .*(real|numbers)"):
                 stream.push(x, **more)
     with pytest.raises(ValueError, match=r"^x must be an array of numbers"):
         stream.push([1.0, [2.0]])

@@ -209,7 +209,7 @@ def test_raise_refuses_missing_samples_and_nothing_else() -> None:
             for wrong in (bad[15], bad, np.ma.masked_array(x, np.isnan(bad)), bad[15].tolist()):
                 gone = int(np.isnan(np.ma.filled(wrong, np.nan)).sum())
                 for t in (None, *([] if start else [np.arange(len(wrong)) if np.ndim(wrong) == 2 else 0.5])):
-                    with pytest.raises(ValueError, match=rf"^x must .*missing.*got \"?{gone} of {np.size(wrong)}"):
+                    with pytest.raises(ValueError, match=rf"^x must .*missing.*got '?{gone} of {np.size(wrong)}"):
                         stream.push(wrong, t)
             assert stream.state == before
         same_bits(np.stack([stream.push(sample) for sample in x[12:]], axis=1), plain.push(x[12:]))

@@ -87,7 +87,7 @@ def test_kinds_of_samples(dtype: type) -> None:
 
 def test_refusals() -> None:
     x = chirp(0)[0]
-    with pytest.raises(ValueError, match="local must be left out where a window is given"):
+    with pytest.raises(ValueError, match="local must be left out with a given window, got True"):
         algdiff.differentiate(x, 31, delta=DELTA, local=True)
     with pytest.raises(ValueError, match="give local or max_delay, not both"):
         algdiff.suggest(x, delta=DELTA, local=True, max_delay=0.1)

@@ -348,7 +348,7 @@ def test_lazy_arrays_are_not_computed_unasked() -> None:
     lazy = xr.DataArray(np.arange(100.0), dims="time").chunk(time=20)
     for call in (lambda: algdiff.differentiate(lazy, 11), lambda: algdiff.noise_level(lazy)):
         with pytest.raises(
-            TypeError, match=r"^x is lazy .*: give it to algdiff.xarray.differentiate, or compute it first"
+            TypeError, match=r"^x is lazy .*: give it to algdiff.xarray.differentiate, or pass x.compute"
         ):
             call()
     np.testing.assert_allclose(algdiff.differentiate(lazy.compute(), 11), 1.0)

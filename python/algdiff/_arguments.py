@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from algdiff._refusals import SAMPLES, has_units, named, shown, units_of
+
 Samples = NDArray[Any]
 Progress = Callable[[float], object]
 
@@ -27,11 +29,11 @@ def integer(name: str, value: object, least: int) -> int:
             raise TypeError
         number = operator.index(value)  # type: ignore[arg-type]
     except TypeError:
-        raise TypeError(f"{name} must be an integer, got {value!r}") from None
+        raise TypeError(refused(name, value, "an integer")) from None
     if number < least:
-        raise ValueError(f"{name} must be an integer of at least {least}, got {number}")
+        raise ValueError(f"{name} must be an integer of at least {least}, got {shown(number)}")
     if number > sys.maxsize:
-        raise ValueError(f"{name} must be at most {sys.maxsize}, got {number}")
+        raise ValueError(f"{name} must be at most {sys.maxsize}, got {shown(number)}")
     return number
 
 
@@ -44,7 +46,12 @@ def real(name: str, value: object) -> float:
             raise TypeError
         return float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
-        raise TypeError(f"{name} must be a real number, got {value!r}") from None
+        raise TypeError(refused(name, value, "a real number")) from None
+
+
+def refused(name: str, value: object, allowed: str) -> str:
+    """Return what to say of a value of the wrong type."""
+    return units_of(name, value) if has_units(value) else f"{name} must be {allowed}, got {shown(value)}"
 
 
 def level(name: str, value: object) -> float:
@@ -62,7 +69,10 @@ def number(name: str, value: object) -> complex:
 
 def word_or_real(name: str, value: object) -> str | float:
     """Return a word as it is and anything else as a float."""
-    return value if isinstance(value, str) else real(name, value)
+    try:
+        return value if isinstance(value, str) else real(name, value)
+    except TypeError:
+        raise TypeError(refused(name, value, "a word such as 'center' or a real number")) from None
 
 
 def sampling_step(delta: object, fs: object) -> float:
@@ -70,7 +80,7 @@ def sampling_step(delta: object, fs: object) -> float:
     if fs is None:
         return 1.0 if delta is None else real("delta", delta)
     if delta is not None:
-        raise ValueError(f"give delta or fs, not both: got delta = {delta!r} and fs = {fs!r}")
+        raise ValueError(f"give delta or fs, not both: got {named(delta=delta, fs=fs)}")
     rate = real("fs", fs)
     if not (0 < rate < float("inf") and 1.0 / rate < float("inf")):
         raise ValueError(f"fs must be finite and positive, got {rate}")
@@ -84,9 +94,9 @@ def axis_index(axis: object, ndim: int) -> int:
             raise TypeError
         index = operator.index(axis)  # type: ignore[arg-type]
     except TypeError:
-        raise TypeError(f"axis must be an integer, got {axis!r}") from None
+        raise TypeError(f"axis must be an integer, got {shown(axis)}") from None
     if not -ndim <= index < ndim:
-        raise ValueError(f"axis must be from {-ndim} to {ndim - 1} for {ndim} dimensions, got {index}")
+        raise ValueError(f"axis must be from {-ndim} to {ndim - 1} for {ndim} dimensions, got {shown(index)}")
     return index % ndim
 
 
@@ -134,7 +144,7 @@ def real_dtype(name: str, dtype: DTypeLike) -> np.dtype[Any]:
     with suppress(TypeError):
         real = np.dtype(dtype)
     if real not in (np.float64, np.float32):
-        raise TypeError(f"{name} must be float64 or float32, got {dtype!r}")
+        raise TypeError(f"{name} must be float64 or float32, got {shown(dtype)}")
     return np.dtype(real.name)
 
 
@@ -142,24 +152,35 @@ def plain(name: str, values: ArrayLike) -> Samples:
     """Return `values` as an array of any dtype; refuse what would lose a mask or a unit."""
     if isinstance(values, np.ma.MaskedArray):
         if np.ma.is_masked(values):
-            raise TypeError(f"{name} is a masked array with masked values: fill them, or split {name} at the gaps")
+            gone = np.ma.getmaskarray(values).sum()
+            raise TypeError(f"{name} must have no masked values, got {gone}: fill them, or pass what lies between them")
         values = np.ma.getdata(values)
-    kind = type(values)  # not the object: a table may have columns of these names
+    kind = type(values)
     if is_lazy(values):
-        where = "algdiff.xarray.differentiate" if kind.__module__.startswith("xarray") else "algdiff.differentiate"
-        raise TypeError(f"{name} is lazy and would be computed whole: give it to {where}, or compute it first")
+        raise TypeError(f"{name} is lazy and would be computed whole: {_lazily(name, kind)}")
     if kind.__module__.partition(".")[0] in ("h5py", "zarr") and getattr(values, "nbytes", 0) > LARGEST:
         raise ValueError(
             f"{name} would be loaded whole, {getattr(values, 'nbytes', 0) / 2**30:.3g} GiB of it: take "
             "algdiff.differentiate_file, or a part of it"
         )
-    if hasattr(kind, "magnitude") or (hasattr(kind, "unit") and hasattr(kind, "value")):
-        raise TypeError(f"{name} carries units, which would be lost: pass its plain numbers and scale the result")
+    if has_units(values):
+        raise TypeError(units_of(name, values))
+    if isinstance(values, str):
+        raise TypeError(f"{name} must be an array of numbers, got {shown(values)}: pass the values, not a name")
     try:
         array = np.asarray(values)
     except ValueError as error:
-        raise ValueError(f"{name} must be an array of numbers: {error}") from None
+        why = str(error).partition(". ")[0].rstrip(".")
+        raise ValueError(f"{name} must be an array of numbers, got {shown(values)}: {why}") from None
     return array
+
+
+def _lazily(name: str, kind: type) -> str:
+    """Return what to do with a lazy argument."""
+    if name not in SAMPLES:
+        return f"pass {name}.compute(), or give lazy samples, too"
+    where = "algdiff.xarray.differentiate" if kind.__module__.startswith("xarray") else "algdiff.differentiate"
+    return f"give it to {where}, or pass {name}.compute()"
 
 
 def is_lazy(values: object) -> bool:
@@ -180,7 +201,7 @@ def points(name: str, values: ArrayLike) -> tuple[Samples, tuple[int, ...]]:
 def word(name: str, value: object, allowed: str) -> str:
     """Return a word as it is."""
     if not isinstance(value, str):
-        raise TypeError(f"{name} must be {allowed}, got {value!r}")
+        raise TypeError(f"{name} must be {allowed}, got {shown(value)}")
     return value
 
 

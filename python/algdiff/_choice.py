@@ -14,6 +14,7 @@ from algdiff import _arguments as arguments
 from algdiff import _core
 from algdiff import _orders as orders
 from algdiff._kernel import Kernel
+from algdiff._refusals import named, shown
 from algdiff._warnings import DesignWarning, outside
 
 if TYPE_CHECKING:
@@ -31,11 +32,14 @@ class _Wish:
 
     def __init__(self, deriv: SupportsIndex, design: dict[str, Any]) -> None:
         if "window_length" in design:
-            raise TypeError("window_length follows from what is asked for: it cannot be given as well")
+            given = shown(design["window_length"])
+            raise TypeError(f"window_length must be left out, got {given}: it follows from what is asked for")
         values = dict(design)
         order = orders.checked(deriv)
         if isinstance(order, tuple):
-            raise ValueError(f"deriv must be one order to choose a window by, got {deriv!r}: then replace(deriv=...)")
+            raise ValueError(
+                f"deriv must be one order to choose a window by, got {shown(deriv)}: then replace(deriv=...)"
+            )
         self.deriv = order
         self.delta = arguments.sampling_step(values.pop("delta", None), values.pop("fs", None))
         if not (math.isfinite(self.delta) and self.delta > 0):
@@ -108,7 +112,7 @@ def _positive(name: str, value: object) -> float:
 def _angular(name: str, value: object, unit: str) -> float:
     frequency = _positive(name, value)
     if arguments.word("unit", unit, "'Hz' or 'rad/s'") not in ("Hz", "rad/s"):
-        raise ValueError(f"unit must be 'Hz' or 'rad/s', got {unit!r}")
+        raise ValueError(f"unit must be 'Hz' or 'rad/s', got {shown(unit)}")
     return 2 * math.pi * frequency if unit == "Hz" else frequency
 
 
@@ -151,8 +155,8 @@ def _longest(wish: _Wish, wanted: float, got: str) -> int:
     if np.isnan(cutoffs).all():
         kernel = wish.kernel(wish.least)
         raise ValueError(
-            f"kappa, mu and tau must give a kernel with a cutoff: that of kappa = {kernel.kappa}, mu = {kernel.mu} "
-            f"at tau = {kernel.tau} vanishes at the end that governs"
+            f"kappa, mu and tau must give a kernel with a cutoff, got kappa = {kernel.kappa}, mu = {kernel.mu} and "
+            f"tau = {kernel.tau}, which vanishes at the end that governs"
         )
     if cutoffs[-1] >= wanted:
         raise ValueError(f"cutoff must be higher: {arguments.MAX_WINDOW} samples are not enough for it, got {got}")
@@ -198,7 +202,7 @@ def from_delay(
     samples = _positive("delay", delay) / wish.delta
     rest = 1 - wish.kernel(wish.least).tau
     if rest <= 0:
-        raise ValueError(f"tau must be less than 1 for a delay, got {tau!r}")
+        raise ValueError(f"tau must be less than 1 for a delay, got {shown(tau)}")
     steps = (samples + wish.cell) / rest
     if steps > arguments.MAX_WINDOW:
         raise ValueError(f"delay must be shorter: a window of {steps:.3g} samples is needed, got {delay}")
@@ -226,8 +230,10 @@ def from_notch(
     number = arguments.integer("order", order, 1)
     if wish.kappa != wish.mu:
         raise ValueError(f"kappa and mu must be equal for a notch, got kappa = {wish.kappa} and mu = {wish.mu}")
-    if design.get("delay") is not None or wish.rest.get("tau") not in (None, "center", 0.5):
-        raise ValueError("tau must be 'center' for a notch: only symmetric windows have zeros")
+    tau, delay = wish.rest.get("tau"), design.get("delay")
+    if delay is not None or tau not in (None, "center", 0.5):
+        given = named(tau=tau) if delay is None else named(delay=delay)
+        raise ValueError(f"tau must be 'center' for a notch, got {given}: only symmetric windows have zeros")
     turns = _angular("frequency", frequency, unit) * wish.delta
     if turns >= math.pi:
         raise ValueError(f"frequency must be below half the sampling rate, got {frequency} {unit}")
@@ -351,15 +357,20 @@ def optimal_window(
 
     wish = _Wish(deriv, design).untrimmed()
     if design.get("delay") is not None:
-        raise ValueError("delay must be left out: at one delay, tau depends on the window; see delay_tradeoff")
+        given = shown(design["delay"])
+        raise ValueError(
+            f"delay must be left out, got {given}: at one delay, tau depends on the window; see delay_tradeoff"
+        )
     kernel = wish.kernel(arguments.MAX_WINDOW)
     if derivative_bound is None:
         if bandwidth is None or amplitude is None:
-            raise ValueError("give derivative_bound, or bandwidth and amplitude")
+            given = named(bandwidth=bandwidth, amplitude=amplitude)
+            raise ValueError(f"give derivative_bound, or bandwidth and amplitude: got {given}")
         rate = 2 * math.pi * _positive("bandwidth", bandwidth)
         derivative_bound = _positive("amplitude", amplitude) * rate ** (kernel.deriv + kernel.bias_order)
     elif bandwidth is not None or amplitude is not None:
-        raise ValueError("give derivative_bound, or bandwidth and amplitude, not both")
+        given = named(derivative_bound=derivative_bound, bandwidth=bandwidth, amplitude=amplitude)
+        raise ValueError(f"give derivative_bound, or bandwidth and amplitude, not both: got {given}")
     duration = kernel.optimal_duration(noise_level, derivative_bound, wish.delta)
     length = wish.length(min(duration / wish.delta, arguments.MAX_WINDOW - 2))
     return wish.design(Differentiator, max(length, wish.least))

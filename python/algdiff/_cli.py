@@ -170,7 +170,7 @@ def _demo(options: argparse.Namespace) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    from algdiff import _cli_design, _cli_info, _cli_run, _cli_stream
+    from algdiff import _cli_design, _cli_designer, _cli_doctor, _cli_info, _cli_report, _cli_run, _cli_stream
 
     parser = argparse.ArgumentParser(
         prog="algdiff",
@@ -185,6 +185,9 @@ def _parser() -> argparse.ArgumentParser:
     _cli_run.add(run)
     _cli_info.add(verbs.add_parser("info", help="say what a file holds", allow_abbrev=False))
     _cli_design.add(verbs.add_parser("design", help="choose a window and say what it does", allow_abbrev=False))
+    _cli_designer.add(verbs.add_parser("designer", help="choose a design on a live page", allow_abbrev=False))
+    _cli_report.add(verbs.add_parser("report", help="write a page about a recording or a design", allow_abbrev=False))
+    _cli_doctor.add(verbs.add_parser("doctor", help="say whether this installation works", allow_abbrev=False))
     _cli_stream.add(verbs.add_parser("stream", help="differentiate lines as they come", allow_abbrev=False))
     demo = verbs.add_parser("demo", help="differentiate the shipped pendulum recording", allow_abbrev=False)
     demo.set_defaults(verb=_demo)

@@ -74,7 +74,7 @@ def _check_arguments(options: argparse.Namespace) -> str:
     if options.plot is not None and form not in PICTURES:
         raise UsageError(f"--plot must be a .png, .pdf or .svg FILE, got {options.plot}")
     if None not in (options.for_delay, options.delay):
-        raise UsageError(f"--delay cannot be given with --for-delay, got {options.delay} and {options.for_delay}")
+        raise UsageError(f"--delay must be left out with --for-delay, got {options.delay} and {options.for_delay}")
     if options.name is not None and options.c is None:
         raise UsageError(f"--name is for --c, got --name {options.name} alone")
     if options.float and options.c is None:

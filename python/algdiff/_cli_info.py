@@ -64,7 +64,7 @@ def _described(place: formats.Located, how: Options, options: argparse.Namespace
 
     with formats.open_source(place, how) as source:
         if not source.shape:
-            raise ValueError(f"{place.given}: holds a single number, and no samples")
+            raise ValueError(f"{place.given}: must hold samples, got a single number")
         axis = arguments.axis_index(source.axis if options.axis is None else options.axis, len(source.shape))
         samples = source.shape[axis]
         step = source.step_along(axis)

@@ -150,7 +150,7 @@ def _of_recording(options: argparse.Namespace) -> Report:
     how, step, place = _checked(options)
     with formats.open_source(place, replace(how, memory=options.memory)) as source:
         if not source.shape:
-            raise ValueError(f"{options.source}: holds a single number, and no samples")
+            raise ValueError(f"{options.source}: must hold samples, got a single number")
         read, chosen_from = _read(source, options, step)
     design, suggestion = _designed(options, read.step, chosen_from)
     if read.x.shape[-1] < design.window_length:

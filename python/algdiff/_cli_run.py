@@ -168,6 +168,19 @@ def _lasting(duration: float, deriv: int | tuple[int, ...], **given: Any) -> Dif
     return Differentiator(length, deriv, **given)
 
 
+def _check_gaps(design: Differentiator, options: argparse.Namespace) -> None:
+    """Raise UsageError for limits that no window of the design can meet."""
+    from algdiff._arguments import integer
+    from algdiff._wish import check_support, gain_limit
+
+    try:
+        if options.min_support is not None:
+            check_support(design, integer("min_support", options.min_support, design.degree + 1))
+        gain_limit(options.max_gain)
+    except ValueError as error:
+        raise UsageError(f"--{str(error).replace('_', '-', 1)}") from None
+
+
 class _Task:
     """What the run finds out on its way: where its step comes from, its design, the names of the channels."""
 
@@ -188,6 +201,7 @@ class _Task:
             return self.design
         make = Differentiator if isinstance(window, int) else _lasting
         self.design = design_by(make, window, options, step)
+        _check_gaps(self.design, options)
         return self.design
 
     def run(self, job: Job, **words: Any) -> int:

@@ -72,7 +72,7 @@ def _check_arguments(options: argparse.Namespace) -> None:
     if options.time:
         for word in ("fs", "delta"):
             if getattr(options, word) is not None:
-                raise UsageError(f"--{word} cannot be given with --time, got --{word} {getattr(options, word)}")
+                raise UsageError(f"--{word} must be left out with --time, got --{word} {getattr(options, word)}")
         if options.stamp:
             raise UsageError("--stamp is for samples without times, got --time, which prints those of the estimates")
     if options.engine not in (None, "auto", "direct"):
@@ -108,7 +108,7 @@ def _texts() -> Iterator[bytes]:
     """Yield whole lines as soon as they are there, as many as there are."""
     for name, file in (("stdin", sys.stdin), ("stdout", sys.stdout)):
         if file is None:
-            raise ValueError(f"{name}: is closed")
+            raise ValueError(f"{name}: must be open, got a closed one")
     rest = b""
     while chunk := os.read(sys.stdin.fileno(), READ):
         whole, newline, last = chunk.rpartition(b"\n")

@@ -18,6 +18,7 @@ from algdiff import _arguments as arguments
 from algdiff import _threads as threads_of
 from algdiff._core import Plan
 from algdiff._data import placed
+from algdiff._refusals import shown
 from algdiff._results import Estimates
 from algdiff._row_parts import Blocks, estimated
 from algdiff._run import run
@@ -102,11 +103,11 @@ def _refuse(call: Call, wish: Wish) -> None:
     """Refuse what needs more of a row than the windows show."""
     for name, value in {"at": wish.at, "period": wish.period, "out": call.out, "progress": call.progress}.items():
         if value is not None:
-            raise ValueError(f"{name} must be left out with a Dask array: {REFUSED[name]}")
+            raise ValueError(f"{name} must be left out with a Dask array, got {shown(value)}: {REFUSED[name]}")
     if wish.return_std and wish.sigma is None and wish.autocovariance is None:
         raise ValueError(
-            "return_std must come with sigma or autocovariance with a Dask array: the noise level is found from whole "
-            "rows; compute x first"
+            "return_std must come with sigma or autocovariance with a Dask array, got neither: the noise level "
+            "is found from whole rows; compute x first"
         )
 
 

@@ -51,7 +51,9 @@ def region(common: Common, first: int, last: int) -> int:
     with formats.open_source(spec.origin, spec.options) as source:
         job = Job(source, spec)
         if job.stamp != common.stamp:
-            raise ValueError(f"{source.path}: was changed since the run began, or is another file for this worker")
+            raise ValueError(
+                f"{source.path}: must be the file of the run for every worker, got another or a changed one"
+            )
         with closing(formats.reopen(job.target, Path(common.partial), job.layout, 0)) as target:
             for place in itertools.islice(job.cuts, first, last):
                 job.write(target, place, *job.block(place, threads_of.count(common.threads)))
@@ -117,7 +119,10 @@ def _work(client: Any, common: Common, journal: Journal, blocks: int, progress: 
             if progress is not None:
                 progress(finished / count)
     except KilledWorker as error:
-        raise OSError(f"{common.spec.target.given}: its workers were lost again and again ({error})") from None
+        raise OSError(
+            f"{common.spec.target.given}: its workers were lost again and again ({error}): use less memory, "
+            "and resume=True to go on"
+        ) from None
     except BaseException:
         _settle(client, futures)
         raise

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from algdiff import _arguments as arguments
 from algdiff._arguments import Samples
 from algdiff._noise import noise_level
+from algdiff._refusals import shown
 from algdiff._results import Estimates
-from algdiff._times import Stamps, duration, even_length, nearest, usual_step
-from algdiff._wish import Call, Windows, Wish, limits
+from algdiff._times import Stamps, check_times, duration, even_length, nearest, usual_step
+from algdiff._wish import Call, Windows, Wish, limits, uneven
 
 if TYPE_CHECKING:
     from algdiff._differentiator import Differentiator
@@ -119,7 +120,7 @@ class Data:
             if len(shape) != 1 or not shape[0] or not np.isfinite(covariance).all() or covariance[0] < 0:
                 raise ValueError(
                     "autocovariance must hold finite covariances of samples 0, 1, ... apart, the first not negative, "
-                    f"got {wish.autocovariance!r}"
+                    f"got {shown(wish.autocovariance)}"
                 )
             # Of variance 1: nothing overflows when squares are summed.
             largest = float(np.abs(covariance).max()) or 1.0
@@ -263,7 +264,9 @@ def placed(design: Differentiator, stamps: Stamps | None, samples: int, wish: Wi
         if not delayed:
             return design, windows
         if windows.duration is None:
-            raise ValueError("delay must come with even t or with window_duration, got uneven t: say tau")
+            raise ValueError(
+                f"delay must come with even t or with window_duration, got {uneven(windows.times)}: say tau"
+            )
         return design._changed(delay=None, tau=1 - design._asked["delay"] / windows.duration), windows
     changes: dict[str, Any] = {}
     if step != design.delta:
@@ -277,8 +280,7 @@ def placed(design: Differentiator, stamps: Stamps | None, samples: int, wish: Wi
     if stamps is not None:
         return design, Windows(stamps.values, stamps.located("at", wish.at))
     at, shape = arguments.points("at", wish.at)
-    if len(shape) != 1 or not np.isfinite(at).all():
-        raise ValueError(f"at must be a one-dimensional array of finite times, got {wish.at!r}")
+    check_times("at", at.reshape(shape), wish.at)
     return design, Windows(design.delta * np.arange(samples, dtype=np.float64), at)
 
 
@@ -287,6 +289,8 @@ def _uneven(stamps: Stamps, wish: Wish) -> Windows:
     if wish.window_duration is None:
         return Windows(stamps.values, at)
     length, pad = duration("window_duration", wish.window_duration), 0.5 * usual_step(stamps.values)
+    if stamps.values.size < 2:
+        raise ValueError(f"t must hold two times or more with window_duration, got {stamps.values.size}")
     whole = float(stamps.values[-1]) + 2 * pad
     if length > whole * (1 + 1e-9):
         raise ValueError(f"window_duration must be at most the {whole:.6g} that the data last, got {length:.6g}")

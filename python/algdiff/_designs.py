@@ -10,6 +10,7 @@ import numpy as np
 
 from algdiff import _arguments as arguments
 from algdiff import _orders as orders
+from algdiff._refusals import named
 
 Made = TypeVar("Made")
 
@@ -39,12 +40,12 @@ def asked(
 ) -> dict[str, Any]:
     """Return the arguments of a `Differentiator`, checked as far as they can be one by one."""
     if tau is not None and delay is not None:
-        raise ValueError(f"give tau or delay, not both: got tau = {tau!r} and delay = {delay!r}")
+        raise ValueError(f"give tau or delay, not both: got {named(tau=tau, delay=delay)}")
     share = arguments.real("trim", trim)
     if delay is not None and share != 0:
         raise ValueError(
-            f"give delay or trim, not both: got delay = {delay!r} and trim = {trim!r}; what is left out at the "
-            "newest end shortens the delay, so say tau"
+            f"give delay or trim, not both: got {named(delay=delay, trim=trim)}; what is left out at the newest "
+            "end shortens the delay, so say tau"
         )
     values = {
         "window_length": arguments.integer("window_length", window_length, 1),
@@ -60,11 +61,11 @@ def asked(
         "engine": arguments.word("engine", engine, "a word such as 'auto'"),
     }
     if isinstance(values["deriv"], tuple) and len(values["deriv"]) > 1:
-        one = f"a window of its own for every order, got deriv = {values['deriv']}: give one order"
+        several = f"deriv = {values['deriv']}, as every order has a window of its own: give one order"
         if values["tau"] == "root":
-            raise ValueError(f"tau = 'root' is {one}, or a number for tau")
+            raise ValueError(f"tau must not be 'root' for several orders, got {several}, or a number for tau")
         if share != 0:
-            raise ValueError(f"trim = {trim!r} makes {one}, or no trim")
+            raise ValueError(f"trim must be 0 for several orders, got {named(trim=trim)} and {several}")
     return values
 
 

@@ -13,6 +13,7 @@ from algdiff import _dask as dask
 from algdiff import _orders as orders
 from algdiff._arguments import Samples
 from algdiff._differentiator import remembered
+from algdiff._refusals import shown
 from algdiff._times import lasting
 
 
@@ -143,7 +144,7 @@ def differentiate(
     if type(deriv) is not int:
         deriv = orders.checked(deriv)
     if t is not None and (delta is not None or fs is not None):
-        raise ValueError("give t, delta or fs: got t and another")
+        raise ValueError(f"give t, delta or fs, one of them: got t and {'fs' if delta is None else 'delta'}")
     call: dict[str, Any] = {
         "mode": mode,
         "cval": cval,
@@ -168,7 +169,7 @@ def differentiate(
         refused = {"tau": tau, "delay": delay, "rule": None if rule == "exact" else rule, "trim": trim or None}
         return differentiated(x, deriv, axis, asked, {**refused, "at": at}, engine, call)
     if local:
-        raise ValueError("local must be left out where a window is given: it is for chosen ones")
+        raise ValueError(f"local must be left out with a given window, got {shown(local)}: it is for chosen ones")
     if window_length is None or window_duration is not None:
         step = arguments.sampling_step(delta, fs)
         window_length = lasting(window_duration, window_length, dask.held(t), step, degree, deriv)

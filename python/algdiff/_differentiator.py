@@ -20,6 +20,7 @@ from algdiff._core import Bank, Plan
 from algdiff._estimates import estimates
 from algdiff._filter import Filter
 from algdiff._orders import single
+from algdiff._refusals import shown
 from algdiff._run import run
 from algdiff._warnings import DesignWarning, outside
 from algdiff._wish import Call, Wish
@@ -116,12 +117,6 @@ class Differentiator(Wishes, Filter):
     kernel : Kernel
         The continuous kernel that the weights discretise.
 
-    Notes
-    -----
-    With several orders, `weights` and what the methods return for points in time or frequency have a leading axis over
-    them, and attributes that depend on the order (`noise_gain` to `kernel` above) are tuples. Summaries, C headers and
-    pictures are of one order: take it from `orders`.
-
     Raises
     ------
     ValueError
@@ -136,6 +131,12 @@ class Differentiator(Wishes, Filter):
     -----
     DesignWarning
         The degree exceeds ``1.5 * sqrt(window_length)``: from there on the noise gain grows steeply.
+
+    Notes
+    -----
+    With several orders, `weights` and what the methods return for points in time or frequency have a leading axis over
+    them, and attributes that depend on the order (`noise_gain` to `kernel` above) are tuples. Summaries, C headers and
+    pictures are of one order: take it from `orders`.
 
     Examples
     --------
@@ -217,7 +218,7 @@ class Differentiator(Wishes, Filter):
             gains = " and ".join(f"{one.noise_gain:.3g}" for one in self.orders)
             message = (
                 f"degree {self.degree} exceeds 1.5 sqrt(window_length) = {1.5 * math.sqrt(self.window_length):.3g}: "
-                f"from there on the noise gain grows steeply; it is {gains}"
+                f"from there on the noise gain grows steeply; it is {gains}: use a lower degree or a longer window"
             )
             warnings.warn(message, DesignWarning, stacklevel=outside())
 
@@ -256,7 +257,11 @@ class Differentiator(Wishes, Filter):
         >>> Differentiator(61, engine="direct").engine_for("float32")
         'direct'
         """
-        return self._bank.engine(single=arguments.working_dtype(np.dtype(dtype)) in (np.float32, np.complex64))
+        try:
+            kind = np.dtype(dtype)
+        except (TypeError, ValueError):
+            raise TypeError(f"dtype must be a type of numbers like 'float32', got {shown(dtype)}") from None
+        return self._bank.engine(single=arguments.working_dtype(kind) in (np.float32, np.complex64))
 
     def __call__(
         self,
@@ -373,7 +378,8 @@ class Differentiator(Wishes, Filter):
             The result does not fit into memory.
         """
         more = return_std or return_support or return_bias
-        words = nan_policy != "propagate" or edge_window != "full"
+        words = type(nan_policy) is not str or nan_policy != "propagate"
+        words = words or type(edge_window) is not str or edge_window != "full"
         given = (t, at, window_duration, min_support, max_gain, weights, period, sigma, autocovariance)
         lazy = type(x) is not np.ndarray and dask.is_dask(x)
         if lazy or more or words or any(value is not None for value in given) or isinstance(x, np.ma.MaskedArray):
@@ -521,7 +527,7 @@ class Differentiator(Wishes, Filter):
         raise AttributeError(f"a Differentiator does not change: cannot set {name}, see replace()")
 
     def __delattr__(self, name: str) -> None:
-        raise AttributeError(f"a Differentiator does not change: cannot delete {name}")
+        raise AttributeError(f"a Differentiator does not change: cannot delete {name}, see replace()")
 
     def __eq__(self, other: object) -> bool:
         return self._key == other._key if isinstance(other, Differentiator) else NotImplemented

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import DTypeLike
 
 from algdiff import _arguments as arguments
+from algdiff._refusals import shown
 
 if TYPE_CHECKING:
     from algdiff._differentiator import Differentiator
@@ -165,7 +166,7 @@ def _literal(value: float) -> str:
 
 def _check_identifier(name: object) -> None:
     if not isinstance(name, str):
-        raise TypeError(f"name must be a string, got {name!r}")
+        raise TypeError(f"name must be a string, got {shown(name)}")
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or re.fullmatch(KEYWORDS, name):
         allowed = "letters, digits and underscores, a letter first, and no keyword"
-        raise ValueError(f"name must be a C identifier ({allowed}), got {name!r}")
+        raise ValueError(f"name must be a C identifier ({allowed}), got {shown(name)}")

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from algdiff import _arguments as arguments
 from algdiff._arguments import Samples
+from algdiff._refusals import shown
 from algdiff._separable import Field, Part, PerAxis, each, several
 
 
@@ -76,7 +77,7 @@ def partial(
     True
     """
     if not several(deriv):
-        raise TypeError(f"deriv must be a sequence of one order for each axis, got {deriv!r}")
+        raise TypeError(f"deriv must be a sequence of one order for each axis, got {shown(deriv)}")
     orders = tuple(arguments.integer("deriv", order, 0) for order in deriv)
     words = {**window, "spacing": spacing, "axes": axes, "degree": degree, "smooth": smooth}
     field = Field.of("partial", f, window_length, max(orders, default=0), **words)
@@ -157,7 +158,7 @@ def hessian(
 
     Returns
     -------
-    ndarray of shape (k, k, *f.shape)
+    ndarray of shape ``(k, k, *f.shape)``
         Of k axes, in the order of `axes`, entry ``[i, j]`` is the derivative along the i-th and the j-th, and the same
         to the bit as ``[j, i]``. dtype and memory as in `partial`.
 

@@ -20,6 +20,7 @@ from algdiff._file_run import run
 from algdiff._formats.base import Options
 from algdiff._output import check_output
 from algdiff._places import MEMORY
+from algdiff._refusals import shown
 from algdiff._run import MODES
 
 if TYPE_CHECKING:
@@ -303,9 +304,9 @@ def differentiate_with(
     check(origin, target, options)
     memory = arguments.integer("memory", memory, LEAST_MEMORY)
     if mode not in MODES:
-        raise ValueError(f"mode must be one of {', '.join(map(repr, MODES))}, got {mode!r}")
+        raise ValueError(f"mode must be one of {', '.join(map(repr, MODES))}, got {shown(mode)}")
     if step is not None and options.time is not None:
-        raise ValueError("give time, delta or fs: got time and another")
+        raise ValueError("give time, delta or fs, one of them: got time and another")
     check_output(target.path, overwrite, store=target.form.name == "zarr")
     if overwrite and target.path.exists():
         formats.check_others(target)

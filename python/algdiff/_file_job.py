@@ -190,7 +190,9 @@ class Job:
     def check_unchanged(self) -> None:
         """Raise ValueError if the input is not what it was when the run began."""
         if self.source.stamp() != self.stamp:
-            raise ValueError(f"{self.source.path}: was changed while it was read; nothing was written")
+            raise ValueError(
+                f"{self.source.path}: was changed while it was read; nothing was written: run again when it rests"
+            )
 
     def reads(self, place: Place) -> tuple[int, int]:
         """Return the samples that the outputs at a place need."""

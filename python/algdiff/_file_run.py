@@ -55,7 +55,7 @@ def journal_of(job: Job, *, overwrite: bool, resume: bool) -> Iterator[Journal]:
     partial = final.with_name(final.name + ".partial")
     with _naming(job.target.given):
         if partial.is_dir() and job.target.form.name != "zarr":
-            raise FileExistsError(f"{partial}: is a folder, and the name of the unfinished output")
+            raise FileExistsError(f"{partial}: must be free for the unfinished output, got a folder")
         journal = Journal(partial, job.header(), resume=resume, overwrite=overwrite)
     try:
         yield journal

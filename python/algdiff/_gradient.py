@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from algdiff import _arguments as arguments
 from algdiff._arguments import Samples
 from algdiff._differentiator import Differentiator
+from algdiff._refusals import shown
 from algdiff._separable import CALL, DESIGN, Field, PerAxis, axes_of, each, flag, spacings
 
 
@@ -69,9 +70,12 @@ def gradient(
     >>> bool(np.allclose(along_y, 2 * x * y) and np.allclose(along_x, y**2))
     True
     """
-    unknown = window.keys() - {"degree", "delay", "trim"} - DESIGN - CALL
+    known = {"degree", "delay", "trim"} | DESIGN | CALL
+    unknown = window.keys() - known
     if unknown:
-        raise TypeError(f"gradient got unexpected keywords: {', '.join(sorted(unknown))}")
+        raise TypeError(
+            f"gradient got unexpected keywords: {', '.join(sorted(unknown))}: use {', '.join(sorted(known))}"
+        )
     if window_length is None:
         if window or smooth:
             named = [*window, *(["smooth"] if smooth else [])]
@@ -80,7 +84,7 @@ def gradient(
         plain = numpy_gradient(f, *varargs, axis=axis, edge_order=edge_order)
         return tuple(plain) if isinstance(plain, (list, tuple)) else cast("Samples", plain)
     if edge_order not in (1, 2):
-        raise ValueError(f"edge_order must be 1 or 2, got {edge_order!r}")
+        raise ValueError(f"edge_order must be 1 or 2, got {shown(edge_order)}")
     values = arguments.unmasked("f", f)
     axes = axes_of("axis", axis, values.ndim)
     spacing = varargs or (1.0,)
@@ -115,7 +119,7 @@ def _smoothed(
     """Return the derivative along each axis, smoothed along the others."""
     refused = window.keys() & {"delay", "trim"}
     if refused:
-        raise ValueError(f"{' and '.join(sorted(refused))} must be left out with smooth = True, got {window}")
+        raise ValueError(f"{' and '.join(sorted(refused))} must be left out with smooth = True, got {shown(window)}")
     words = {**window, "spacing": spacing, "axes": tuple(axes)}
     field = Field.of("gradient", values, window_length, 1, smooth=True, **words)
     wanted = {tuple(int(axis == one) for axis in axes): field.empty() for one in axes}

@@ -94,7 +94,7 @@ class Journal:
         try:
             fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise BlockingIOError(f"{self.partial}: is being written by another run") from None
+            raise BlockingIOError(f"{self.partial}: is being written by another run: wait for its end") from None
         except OSError:  # nor on that file system
             return
 

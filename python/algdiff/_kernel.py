@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from algdiff import _arguments as arguments
 from algdiff import _core
+from algdiff._refusals import shown
 
 
 class Asymptotes(NamedTuple):
@@ -287,7 +288,7 @@ class Kernel:
         noise_level, derivative_bound = _conditions(noise_level, derivative_bound)
         delta = arguments.real("delta", delta)
         if not isinstance(bounded, (bool, np.bool_)):
-            raise TypeError(f"bounded must be True or False, got {bounded!r}")
+            raise TypeError(f"bounded must be True or False, got {shown(bounded)}")
         return self._kernel.optimal_duration(noise_level, derivative_bound, delta, bool(bounded))
 
     def rmse(self, duration: float, noise_level: float, derivative_bound: float, delta: float = 1.0) -> float:
@@ -376,10 +377,10 @@ class Kernel:
         return self.deriv, self.degree, self.kappa, self.mu, self.tau
 
     def __setattr__(self, name: str, value: object) -> None:
-        raise AttributeError(f"a Kernel does not change: cannot set {name}")
+        raise AttributeError(f"a Kernel does not change: cannot set {name}, make another")
 
     def __delattr__(self, name: str) -> None:
-        raise AttributeError(f"a Kernel does not change: cannot delete {name}")
+        raise AttributeError(f"a Kernel does not change: cannot delete {name}, make another")
 
     def __eq__(self, other: object) -> bool:
         return self._key == other._key if isinstance(other, Kernel) else NotImplemented

@@ -12,6 +12,7 @@ from algdiff import _orders as orders
 from algdiff._arguments import sampling_step
 from algdiff._differentiate import differentiate
 from algdiff._differentiator import remembered
+from algdiff._refusals import shown
 from algdiff._results import Estimates
 from algdiff._times import Stamps, lasting
 
@@ -48,7 +49,7 @@ class Call:
     def __init__(self, window_length: Any, deriv: Any, words: dict[str, Any], along: str) -> None:
         for name in ("axis", "out"):
             if name in words:
-                raise TypeError(f"{name} must be left out, got {words[name]!r}: {along}")
+                raise TypeError(f"{name} must be left out, got {shown(words[name])}: {along}")
         self.window_length, self.deriv = window_length, orders.checked(deriv)
         self.orders = self.deriv if isinstance(self.deriv, tuple) else None
         self.words = {name: value for name, value in words.items() if value is not None}
@@ -56,7 +57,11 @@ class Call:
         if isinstance(duration, (str, datetime.timedelta)):
             import pandas as pd
 
-            self.words["window_duration"] = pd.Timedelta(duration).to_timedelta64()
+            try:
+                self.words["window_duration"] = pd.Timedelta(duration).to_timedelta64()
+            except ValueError as error:
+                given = f"{shown(duration)} ({error})"
+                raise ValueError(f"window_duration must be a duration like '2s' or 0.5, got {given}") from None
         self.cut: slice | None = None
 
     @property
@@ -156,6 +161,8 @@ def times(name: str, labels: Any) -> NDArray[Any]:
     """Return labels as numbers, datetime64 or timedelta64; datetimes with a time zone as those of UTC."""
     import pandas as pd
 
+    if isinstance(labels, str):
+        raise TypeError(f"{name} must be an array of times, got {shown(labels)}: pass the values, not a name")
     index = labels if isinstance(labels, pd.Index) else pd.Index(labels)
     if isinstance(index, pd.PeriodIndex):
         index = index.to_timestamp()

@@ -134,7 +134,7 @@ class Lines:
         except ValueError:
             raise ValueError(f", column {position} must be a number, got {_shown(text)}") from None
         if self._strict and math.isnan(value):
-            raise ValueError(f", column {position} must not be missing with --nan-policy raise")
+            raise ValueError(f", column {position} must not be missing with --nan-policy raise, got {_shown(text)}")
         return value
 
     def _time(self, field: bytes) -> float:

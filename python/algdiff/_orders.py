@@ -9,6 +9,7 @@ from typing import Any, TypeVar, cast
 import numpy as np
 
 from algdiff import _arguments as arguments
+from algdiff._refusals import shown
 
 Response = TypeVar("Response", bound=Callable[..., Any])
 
@@ -20,7 +21,7 @@ def checked(deriv: object) -> int | tuple[int, ...]:
         return arguments.integer("deriv", deriv, 0)
     orders = tuple(arguments.integer("deriv", order, 0) for order in deriv)  # type: ignore[attr-defined]
     if not orders or len(set(orders)) < len(orders):
-        raise ValueError(f"deriv must name at least one order, and every order once, got {deriv!r}")
+        raise ValueError(f"deriv must name at least one order, and every order once, got {shown(deriv)}")
     return orders
 
 

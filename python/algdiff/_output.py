@@ -18,19 +18,19 @@ def check_output(path: Path, overwrite: bool, *, store: bool = False) -> None:
     """Raise if `path` cannot become an output: a file, or a `store`, which is a folder."""
     if store:
         if path.exists() and not path.is_dir():
-            raise FileExistsError(f"{path}: exists and is not a folder")
+            raise FileExistsError(f"{path}: exists and is not a folder: use another name")
         inside = {entry.name for entry in path.iterdir()} if path.is_dir() else set()
         if inside and not inside & {"zarr.json", ".zgroup", ".zarray"}:
-            raise FileExistsError(f"{path}: exists and is no Zarr store")
+            raise FileExistsError(f"{path}: exists and is no Zarr store: use another name")
     elif path.is_dir() or (path.exists() and not stat.S_ISREG(path.stat().st_mode)):
-        raise FileExistsError(f"{path}: exists and is not a regular file")
+        raise FileExistsError(f"{path}: exists and is not a regular file: use another name")
     if os.path.lexists(path) and not overwrite:
         raise FileExistsError(f"{path}: exists; give overwrite=True to replace it")
     folder = Path(os.path.realpath(path)).parent
     if not folder.is_dir():
-        raise FileNotFoundError(f"{path}: its folder does not exist")
+        raise FileNotFoundError(f"{path}: its folder does not exist: make it first")
     if not os.access(folder, os.W_OK):
-        raise PermissionError(f"{path}: its folder cannot be written")
+        raise PermissionError(f"{path}: its folder cannot be written: use another")
 
 
 @contextmanager

@@ -14,6 +14,7 @@ from algdiff import _report as report
 from algdiff._differentiator import Differentiator
 from algdiff._kernel import Kernel
 from algdiff._orders import single
+from algdiff._refusals import shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,7 +60,7 @@ def plot_kernel(design_or_kernel: Differentiator | Kernel, ax: Axes | None = Non
     (['kernel', 'weights', 'delay 0.01028 s'], 'time from the newest sample, s')
     """
     if not isinstance(design_or_kernel, (Differentiator, Kernel)):
-        raise TypeError(f"design_or_kernel must be a Differentiator or a Kernel, got {design_or_kernel!r}")
+        raise TypeError(f"design_or_kernel must be a Differentiator or a Kernel, got {shown(design_or_kernel)}")
     if isinstance(design_or_kernel, Differentiator):
         single("a picture", design_or_kernel)
     ax = _axes(ax)
@@ -152,7 +153,7 @@ def plot_design(design: Differentiator, figure: Figure | None = None) -> NDArray
     if figure is None:
         figure = _matplotlib("matplotlib.pyplot").figure(figsize=A4, layout="constrained")
     elif not isinstance(figure, _matplotlib("matplotlib.figure").FigureBase):
-        raise TypeError(f"figure must be a matplotlib Figure, got {figure!r}")
+        raise TypeError(f"figure must be a matplotlib Figure, got {shown(figure)}")
     what = f"{design.window_length} samples, degree {design.degree}, rule {design.rule}"
     figure.suptitle(f"Derivative of order {design.deriv}: {what}")
     grid = figure.add_gridspec(3, 2, height_ratios=(3, 4.6, 2.1))
@@ -180,13 +181,13 @@ def _axes(ax: Axes | None) -> Axes:
         return made
     kind: type[Axes] = _matplotlib("matplotlib.axes").Axes
     if not isinstance(ax, kind):
-        raise TypeError(f"ax must be a matplotlib Axes, got {ax!r}")
+        raise TypeError(f"ax must be a matplotlib Axes, got {shown(ax)}")
     return ax
 
 
 def _check(design: object) -> None:
     if not isinstance(design, Differentiator):
-        raise TypeError(f"design must be a Differentiator, got {design!r}")
+        raise TypeError(f"design must be a Differentiator, got {shown(design)}")
     single("a picture", design)
 
 

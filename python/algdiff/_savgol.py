@@ -11,6 +11,7 @@ from algdiff import _arguments as arguments
 from algdiff._arguments import Samples
 from algdiff._core import Bank, Plan
 from algdiff._designs import remembered
+from algdiff._refusals import shown
 from algdiff._run import run
 
 _MODES = {mode: mode for mode in ("mirror", "nearest", "constant", "wrap")} | {"interp": "fit"}
@@ -77,7 +78,7 @@ def savgol_filter(
     True
     """
     if not isinstance(mode, str) or mode not in _MODES:
-        raise ValueError(f"mode must be 'mirror', 'constant', 'nearest', 'wrap' or 'interp', got {mode!r}")
+        raise ValueError(f"mode must be 'mirror', 'constant', 'nearest', 'wrap' or 'interp', got {shown(mode)}")
     if type(x) is not np.ndarray:
         x = arguments.signal("x", x)
     filtering = _filtering(window_length, polyorder, deriv, delta, engine)
@@ -153,8 +154,8 @@ def savgol_coeffs(
     >>> savgol_coeffs(5, 2, deriv=1).round(9)
     array([ 0.2,  0.1,  0. , -0.1, -0.2])
     """
-    if use not in ("conv", "dot"):
-        raise ValueError(f"use must be 'conv' or 'dot', got {use!r}")
+    if not isinstance(use, str) or use not in ("conv", "dot"):
+        raise ValueError(f"use must be 'conv' or 'dot', got {shown(use)}")
     length, degree, order, step = _check(window_length, polyorder, deriv, delta)
     position = (length - 1) / 2 if pos is None else arguments.real("pos", pos)
     if not 0 <= position < length:

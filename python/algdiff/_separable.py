@@ -12,6 +12,7 @@ from algdiff import _arguments as arguments
 from algdiff._arguments import Samples
 from algdiff._differentiator import Differentiator
 from algdiff._layout import memory_order
+from algdiff._refusals import shown
 from algdiff._times import Stamps
 
 PerAxis: TypeAlias = SupportsIndex | Sequence[SupportsIndex]
@@ -24,7 +25,7 @@ CALL = {"mode", "cval", "nan_policy", "min_support", "max_gain", "threads"}
 def flag(name: str, value: object) -> bool:
     """Return a truth value as it is."""
     if not isinstance(value, (bool, np.bool_)):
-        raise TypeError(f"{name} must be True or False, got {value!r}")
+        raise TypeError(f"{name} must be True or False, got {shown(value)}")
     return bool(value)
 
 
@@ -99,7 +100,8 @@ class Field(NamedTuple):
         """Check the arguments of `caller`, whose orders along any axis are at most `highest`."""
         unknown = window.keys() - DESIGN - CALL
         if unknown:
-            raise TypeError(f"{caller} got unexpected keywords: {', '.join(sorted(unknown))}")
+            known = ", ".join(sorted(DESIGN | CALL))
+            raise TypeError(f"{caller} got unexpected keywords: {', '.join(sorted(unknown))}: use {known}")
         design = {name: value for name, value in window.items() if name in DESIGN}
         call = {name: value for name, value in window.items() if name in CALL}
         if isinstance(call.get("mode"), str) and call["mode"] == "valid":

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from algdiff._designs import asked as checked
 from algdiff._differentiator import rebuild
+from algdiff._refusals import shown
 
 if TYPE_CHECKING:
     from algdiff._differentiator import Differentiator
@@ -70,24 +71,26 @@ def put(stream: Stream, state: dict[str, Any]) -> None:
     if design != stream.design:
         raise ValueError(f"state must be of a stream with the same design, {stream.design!r}, got {design!r}")
     if options != own:
-        raise ValueError(f"state must be of a stream with the same options, {own}, got {options}")
+        wrong = {name: value for name, value in options.items() if value != own[name]}
+        allowed = {name: own[name] for name in wrong}
+        raise ValueError(f"state must be of a stream with the same options, {allowed}, got {shown(wrong)}")
     try:
         held = [float(value) for value in state["samples"]], [float(value) for value in state["times"]], state["count"]
         stream._restore(*held)
     except (TypeError, ValueError, OverflowError) as error:
-        raise ValueError(f"state must hold the samples, times and count of a stream: {error}") from None
+        raise ValueError(f"state must hold the samples, times and count of a stream, got others ({error})") from None
 
 
 def _check(state: object) -> None:
     names = ("version", "design", "options", "count", "samples", "times")
     if not isinstance(state, dict) or not all(name in state for name in names):
-        raise ValueError(f"state must be a dict with {', '.join(names)}, got {state!r:.200}")
+        raise ValueError(f"state must be a dict with {', '.join(names)}, got {shown(state)}")
     if state["version"] != VERSION:
-        raise ValueError(f"state must be of version {VERSION}, got {state['version']!r}")
+        raise ValueError(f"state must be of version {VERSION}, got {shown(state['version'])}")
 
 
 def _no_state(error: Exception) -> ValueError:
-    return ValueError(f"state must hold the design and the options of a stream: {error}")
+    return ValueError(f"state must hold the design and the options of a stream, got others ({error})")
 
 
 def _designs(state: dict[str, Any]) -> Differentiator | tuple[Differentiator, ...]:

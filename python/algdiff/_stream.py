@@ -15,6 +15,7 @@ from algdiff import _threads as threads_of
 from algdiff._arguments import Samples
 from algdiff._core import Bank
 from algdiff._differentiator import Differentiator
+from algdiff._refusals import shown
 from algdiff._results import Estimates
 from algdiff._wish import POLICIES, check_rule, check_support, check_trim, chosen, gain_limit
 
@@ -83,6 +84,13 @@ class Stream(_core.Stream):
     state : dict
         All that is needed to go on, as JSON can hold it; may be set.
 
+    Raises
+    ------
+    ValueError
+        Designs do not go together, or an argument is none of what it may be.
+    TypeError
+        `design` is no `Differentiator` and no sequence of them, or `dtype` another one.
+
     Notes
     -----
     Windows are applied tap by tap, as by the engine "direct", or, where they are still growing, miss samples or have
@@ -90,13 +98,6 @@ class Stream(_core.Stream):
     and by the engine of a design that names one: those of "moments" and "fft" agree to rounding with what single
     samples give. Streams may be used by several threads, one push after the other. They are pickled and copied with all
     the samples that they hold. Masked samples are missing; results are never masked.
-
-    Raises
-    ------
-    ValueError
-        Designs do not go together, or an argument is none of what it may be.
-    TypeError
-        `design` is no `Differentiator` and no sequence of them, or `dtype` another one.
 
     Examples
     --------
@@ -373,7 +374,7 @@ def _designs(design: object, delay: float | None) -> tuple[Differentiator, ...]:
     """Return the designs with the delay applied, which must be one."""
     given = (design,) if isinstance(design, Differentiator) else design
     if not isinstance(given, Sequence) or not all(isinstance(one, Differentiator) for one in given):
-        raise TypeError(f"design must be a Differentiator or a sequence of them, got {design!r}")
+        raise TypeError(f"design must be a Differentiator or a sequence of them, got {shown(design)}")
     if not given:
         raise ValueError("design must be a Differentiator or a sequence of them, got an empty one")
     designs: tuple[Differentiator, ...] = tuple(given)
@@ -384,7 +385,9 @@ def _designs(design: object, delay: float | None) -> tuple[Differentiator, ...]:
         wanted = arguments.real("delay", delay)
         if any(one.trim != 0 for one in designs):
             trims = [one.trim for one in designs]
-            raise ValueError(f"give delay or trim, not both: got delay = {delay!r} and designs with trim = {trims}")
+            raise ValueError(
+                f"give delay or trim, not both: got delay = {shown(delay)} and designs with trim = {trims}"
+            )
         designs = tuple(one._changed(delay=wanted, tau=None) for one in designs)
     elif not all(math.isclose(one.delay, first.delay, rel_tol=1e-9, abs_tol=1e-9 * one.delta) for one in designs):
         raise ValueError(f"designs must have the same delay, got {[one.delay for one in designs]}: give delay")

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from algdiff import _arguments as arguments
 from algdiff._orders import highest
+from algdiff._refusals import named, shown
 
 EVEN = 1e-9
 """Stamps are even if none lies farther than this share of a step, and its own rounding, from where it would."""
@@ -38,7 +39,8 @@ class Stamps:
         self._origin = _plain("t", given)[:1]
         times = self.since("t", given)
         if not np.isfinite(times).all():
-            raise ValueError("t must be finite, got NaN, NaT or infinite times, or ones too far apart")
+            wrong = int(np.argmin(np.isfinite(times)))
+            raise ValueError(f"t must be finite, and not too far apart, got {given[wrong]} at place {wrong}")
         self.descending = bool(size > 1 and times[-1] < times[0])
         self._shift = float(times[-1]) if self.descending else 0.0
         if self.descending:
@@ -68,9 +70,19 @@ class Stamps:
     def located(self, name: str, times: ArrayLike) -> NDArray[np.float64]:
         """Return `times` on the axis of `values`."""
         since = self.since(name, times)
-        if since.ndim != 1 or not np.isfinite(since).all():
-            raise ValueError(f"{name} must be a one-dimensional array of finite times, got {times!r}")
+        check_times(name, since, times)
         return np.ascontiguousarray(since - self._shift)
+
+
+def check_times(name: str, times: NDArray[np.float64], given: ArrayLike) -> None:
+    """Refuse times that are not in one row or not finite, as they were given."""
+    if times.ndim != 1:
+        raise ValueError(f"{name} must be a one-dimensional array of finite times, got shape {times.shape}")
+    finite = np.isfinite(times)
+    if not finite.all():
+        place = int(np.argmin(finite))
+        wrong = np.asarray(given)[place]
+        raise ValueError(f"{name} must be a one-dimensional array of finite times, got {wrong} at place {place}")
 
 
 SECONDS = {"W": 604800, "D": 86400, "h": 3600, "m": 60, "s": 1}
@@ -165,9 +177,10 @@ def lasting(
 ) -> int:
     """Return how many samples a window of this duration usually holds, but enough for the fit."""
     if window_duration is None:
-        raise TypeError(f"window_length must be an integer, got {window_length!r}; or give window_duration")
+        raise TypeError(f"window_length must be an integer, got {shown(window_length)}; or give window_duration")
     if window_length is not None:
-        raise ValueError(f"give window_length or window_duration: got {window_length!r} and {window_duration!r}")
+        both = named(window_length=window_length, window_duration=window_duration)
+        raise ValueError(f"give window_length or window_duration, not both: got {both}")
     if t is not None:
         stamps = Stamps(t, np.size(t))
         step = usual_step(stamps.values) if stamps.step is None else stamps.step

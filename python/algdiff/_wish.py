@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from algdiff import _arguments as arguments
 from algdiff._arguments import Progress, Samples
+from algdiff._refusals import named, shown
 
 if TYPE_CHECKING:
     from algdiff._differentiator import Differentiator
@@ -81,6 +82,11 @@ class Limits(NamedTuple):
     least: int | None
 
 
+def uneven(times: NDArray[np.float64] | None) -> str:
+    """Return what messages call times without a step: those of a single sample have none, either."""
+    return "uneven t" if times is None or times.size > 1 else "a single sample at a t, which has no step"
+
+
 POLICIES = ("propagate", "omit", "raise")
 """What missing samples do."""
 INSIDE = ("fit", "nan", "valid")
@@ -96,14 +102,15 @@ def limits(design: Differentiator, windows: Windows, samples: int, call: Call, w
     _fits_only(design, windows, wish)
     if windows.times is not None:
         counted = windows.at is None and windows.duration is None
-        what = "uneven t" if windows.at is None else "at"
+        what = uneven(windows.times) if windows.at is None else "at"
         chosen("mode", call.mode, INSIDE if counted else INSIDE[:2], f" with {what}")
     if shrinks and (call.mode != "fit" or windows.duration is not None):
         raise ValueError(f"edge_window = 'shrink' must come with mode 'fit' and windows of samples, got {call.mode!r}")
     if wish.autocovariance is not None:
         chosen("mode", call.mode, INSIDE, " with autocovariance")
         if wish.sigma is not None:
-            raise ValueError("give sigma or autocovariance, not both")
+            given = named(sigma=wish.sigma, autocovariance=wish.autocovariance)
+            raise ValueError(f"give sigma or autocovariance, not both: got {given}")
     span = design._plan.span
     if span > samples and windows.duration is None and call.mode in INSIDE:
         raise ValueError(f"window_length must be at most the {samples} samples of x in mode {call.mode!r}, got {span}")
@@ -145,16 +152,16 @@ def check_trim(design: Differentiator, what: str) -> None:
 
 def chosen(name: str, value: object, allowed: tuple[str, ...], where: str = "") -> None:
     """Refuse words that are not allowed."""
-    if value not in allowed:
+    if not isinstance(value, str) or value not in allowed:
         raise ValueError(
-            f"{name} must be {', '.join(map(repr, allowed[:-1]))} or {allowed[-1]!r}{where}, got {value!r}"
+            f"{name} must be {', '.join(map(repr, allowed[:-1]))} or {allowed[-1]!r}{where}, got {shown(value)}"
         )
 
 
 def _fits_only(design: Differentiator, windows: Windows, wish: Wish) -> None:
     """Refuse weights that are no fit's where fits are needed."""
     fitted = {
-        "uneven t": windows.times is not None and windows.at is None,
+        uneven(windows.times): windows.times is not None and windows.at is None,
         "at": windows.at is not None,
         "edge_window = 'shrink'": wish.edge_window == "shrink",
         "weights": wish.weights is not None,

@@ -30,6 +30,7 @@ from algdiff import _dask_paths
 from algdiff._dask import depth
 from algdiff._differentiator import Differentiator
 from algdiff._file import FileReport, asked, differentiate_file
+from algdiff._refusals import shown
 from algdiff._run import MODES
 from algdiff._wish import chosen
 
@@ -59,6 +60,8 @@ def overlap_depth(design: Differentiator, mode: str = "fit") -> tuple[int, int]:
     ------
     ValueError
         `mode` does not exist.
+    TypeError
+        `design` is no `Differentiator`.
 
     Examples
     --------
@@ -68,6 +71,8 @@ def overlap_depth(design: Differentiator, mode: str = "fit") -> tuple[int, int]:
     ((100, 0), (0, 100))
     """
     chosen("mode", mode, MODES)
+    if not isinstance(design, Differentiator):
+        raise TypeError(f"design must be a Differentiator, got {shown(design)}")
     return depth(design._plan, mode)
 
 
@@ -122,6 +127,8 @@ def differentiate_paths(
     >>> bool(np.allclose(np.load(folder / "v.npy"), 100))
     True
     """
+    if not (hasattr(client, "nthreads") and hasattr(client, "compute")):
+        raise TypeError(f"client must be a distributed.Client, got {shown(client)}")
     bound = inspect.signature(differentiate_file).bind(src, dst, window_length, deriv, **options)
     bound.apply_defaults()
     return asked(partial(_dask_paths.run, client), **bound.arguments)

@@ -9,6 +9,7 @@ import numpy as np
 from algdiff import _arguments as arguments
 from algdiff._arguments import Samples
 from algdiff._labels import Call, parts_of
+from algdiff._refusals import listed
 from algdiff._results import Estimates
 
 try:
@@ -155,7 +156,7 @@ def _groups(table: Any, alone: bool) -> dict[np.dtype[Any], list[int]]:
         groups.setdefault(arguments.working_dtype(np.dtype(plain)), []).append(place)
     if wrong:
         hint = "" if alone else ": select the columns to differentiate"
-        raise TypeError(f"{'obj' if alone else 'columns'} must be numeric, got {', '.join(wrong)}{hint}")
+        raise TypeError(f"{'obj' if alone else 'columns'} must be numeric, got {listed(wrong)}{hint}")
     if not groups:
         raise ValueError("obj must have at least one column, got none")
     return groups

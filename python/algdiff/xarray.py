@@ -12,6 +12,7 @@ from typing import Any, SupportsIndex
 import numpy as np
 
 from algdiff._labels import Call, kept, parts_of
+from algdiff._refusals import listed, shown
 
 try:
     import xarray as xr
@@ -97,7 +98,7 @@ def differentiate(
     if not isinstance(obj, (xr.DataArray, xr.Dataset)):
         raise TypeError(f"obj must be a DataArray or Dataset, got {type(obj).__name__}")
     if dim not in obj.dims:
-        raise ValueError(f"dim must be one of {tuple(obj.dims)}, got {dim!r}")
+        raise ValueError(f"dim must be one of {tuple(obj.dims)}, got {shown(dim)}")
     if isinstance(t, xr.DataArray):
         _check_times(t, obj, dim)
     words = {"delta": delta, "fs": fs, "t": _values(t), "at": _values(at), **options}
@@ -144,7 +145,7 @@ def _check_numeric(variables: dict[Any, Any]) -> None:
     if "" in wrong and len(variables) == 1:
         raise TypeError(f"obj must be numeric, got dtype {wrong['']}")
     if wrong:
-        names = ", ".join(f"{name!r} ({dtype})" for name, dtype in wrong.items())
+        names = listed([f"{name!r} ({dtype})" for name, dtype in wrong.items()])
         raise TypeError(f"variables along dim must be numeric, got {names}: select those to differentiate")
 
 
@@ -154,7 +155,7 @@ def _unit(times: Any) -> str | None:
     if kind and kind in "mM":
         return "s"
     unit = getattr(times, "attrs", {}).get("units")
-    return unit.split(" since ")[0] if isinstance(unit, str) else None
+    return unit.split(" since ")[0].strip() or "1" if isinstance(unit, str) else None
 
 
 def _divided(attrs: dict[Any, Any], unit: str | None, deriv: Any) -> dict[Any, Any]:
@@ -165,8 +166,8 @@ def _divided(attrs: dict[Any, Any], unit: str | None, deriv: Any) -> dict[Any, A
     del attrs["units"]
     if unit is not None and isinstance(units, str) and not isinstance(deriv, tuple):
         base = unit if re.fullmatch(r"[^\W\d]+", unit) else f"({unit})"
-        start = units.split(" since ")[0]
-        attrs["units"] = f"{base}-{deriv}" if start == "1" else f"{start} {base}-{deriv}"
+        start = units.split(" since ")[0].strip()
+        attrs["units"] = f"{base}-{deriv}" if start in ("1", "") else f"{start} {base}-{deriv}"
     return attrs
 
 
@@ -194,7 +195,7 @@ def _per_sample(name: str, given: Any, array: Any, dim: Hashable) -> Any:
     try:
         xr.align(array, given, join="exact", copy=False)
     except ValueError as error:
-        raise ValueError(f"{name} must have the coordinates of obj: {error}") from None
+        raise ValueError(f"{name} must have the coordinates of obj, got others ({error})") from None
     if given.dims in {(), (dim,)}:
         return given.data if given.ndim else given.item()
     return given.broadcast_like(array).transpose(*array.dims).data

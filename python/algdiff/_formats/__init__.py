@@ -7,6 +7,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from algdiff import _refusals as refusals
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -51,8 +53,10 @@ class Format(NamedTuple):
         except ImportError as error:
             if error.name != self.needs:
                 raise
-            missing = f"{self.suffixes[0]} files need {self.needs}: pip install 'algdiff-rs[{self.name}]'"
-            raise ImportError(f"{missing} ({error})") from None
+            files = self.suffixes[0]
+            raise ImportError(
+                f"{files} files need {self.needs}: pip install 'algdiff-rs[{self.name}]' ({error})"
+            ) from None
 
 
 FORMATS = (
@@ -99,7 +103,10 @@ def located(name: str, path: Any) -> Located:
     """Return what `path` says: file, array in the file, format. `name` is for the error."""
     import os
 
-    given = os.fsdecode(path)
+    try:
+        given = os.fsdecode(path)
+    except TypeError:
+        raise TypeError(f"{name} must be a path, got {refusals.shown(path)}") from None
     inner = None
     if match := INNER.fullmatch(given):
         given_path, inner = match["path"], match["inner"]
@@ -141,8 +148,8 @@ def check_others(place: Located) -> None:
     own = (place.inner or "x").strip("/")
     others = [name for name in arrays(place.path) if name.strip("/") != own]
     if others:
-        shown = ", ".join(others[:10])
-        raise FileExistsError(f"{place.given}: the file holds other arrays, which would be lost ({shown})")
+        lost = refusals.listed(others)
+        raise FileExistsError(f"{place.given}: the file holds other arrays, which would be lost ({lost}): use another")
 
 
 def create(place: Located, path: Path, layout: Layout) -> Target:

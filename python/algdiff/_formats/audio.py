@@ -92,7 +92,7 @@ class AudioSource(Source):
                 raise ValueError(f"{path}: {_ends()} (at byte {size} of {start + length})")
             frames = min(frames, length // (SUBTYPES[file.subtype] * int(file.channels)))
         if not frames:
-            raise ValueError(f"{path}: holds no samples")
+            raise ValueError(f"{path}: must hold samples, got none")
         return frames
 
     def read(self, place: Place, out: Samples) -> None:
@@ -180,7 +180,7 @@ def check(path: Path, inner: str | None, layout: Layout) -> None:
 
 def _rate(layout: Layout) -> int:
     if layout.step is None:
-        raise ValueError("the sampling rate must be known for a .wav OUT: give delta or fs")
+        raise ValueError("the sampling rate must be known for a .wav OUT, got none: give delta or fs")
     exact = 1.0 / layout.step
     rate = round(min(exact, 2.0**32))
     if not 1 <= rate <= RATE or abs(exact - rate) > TOLERANCE * rate:

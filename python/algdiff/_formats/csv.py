@@ -45,7 +45,7 @@ class CsvSource(TableSource):
             self.before = int(self.header is not None)
             rows = self.lines.count - self.before
             if rows < 1:
-                raise ValueError(f"{path}: holds no numbers")
+                raise ValueError(f"{path}: must hold numbers, got none")
             self._choose(options, len(fields))
             self.shape = (rows,) if len(self.chosen) == 1 else (rows, len(self.chosen))
             if self.timed is not None:

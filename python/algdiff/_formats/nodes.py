@@ -112,7 +112,7 @@ def checked(path: Path, name: str) -> str:
     for part in split(name):
         odd = not part.strip(".") or part.startswith("__") or not part.isprintable() or "\\" in part
         if odd or part in FILES:
-            raise ValueError(f"{path}: the name of an array must not be {name!r}")
+            raise ValueError(f"{path}: an array must have a printable name that is none of Zarr's own, got {name!r}")
     return "/".join(split(name))
 
 

@@ -15,6 +15,7 @@ from algdiff._formats.base import Layout, Options, Place, Samples, Source
 from algdiff._formats.npy import read_header, write_header
 from algdiff._formats.regions import Region
 from algdiff._formats.stage import Stage
+from algdiff._refusals import listed
 
 PIECE = 1 << 20
 """Bytes that are unpacked at once."""
@@ -57,7 +58,7 @@ def _pick(path: Path, names: Sequence[str], key: str | None) -> str:
         return names[0]
     if key is None or key not in names:
         got = "nothing" if key is None else repr(key)
-        raise ValueError(f"key must name one array of {path} ({', '.join(names) or 'it has none'}), got {got}")
+        raise ValueError(f"key must name one array of {path} ({listed(names) or 'it has none'}), got {got}")
     return key
 
 

@@ -62,7 +62,7 @@ class ParquetSource(TableSource):
         if min(counts, default=0) < 0 or self.starts[-1] != metadata.num_rows:
             raise ValueError(f"{self.path}: not a whole Parquet file ({metadata.num_rows} rows in groups of {counts})")
         if not metadata.num_rows:
-            raise ValueError(f"{self.path}: holds no numbers")
+            raise ValueError(f"{self.path}: must hold numbers, got none")
 
     def _choose(self, options: Options) -> None:
         """Decide which columns are read, and as what."""

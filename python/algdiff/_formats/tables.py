@@ -12,6 +12,7 @@ import numpy as np
 
 from algdiff._formats.base import Options, Place, Samples, Source
 from algdiff._formats.even import Even
+from algdiff._refusals import listed
 
 
 class Piece(NamedTuple):
@@ -127,8 +128,9 @@ def choose(
         what = "columns must name columns"
         chosen = [_position(path, what, names, count, column) for column in options.columns]
     if not chosen:
-        held = "no column of numbers" if found is None else f"no column of numbers beside the times in {options.time!r}"
-        raise ValueError(f"{path}: {held if options.columns is None else 'no column was chosen'}")
+        beside = "" if found is None else f" beside the times in {options.time!r}"
+        held = f"must hold a column of numbers{beside}" if options.columns is None else "columns must name one at least"
+        raise ValueError(f"{path}: {held}, got none")
     return chosen, found
 
 
@@ -138,5 +140,5 @@ def _position(path: Path, what: str, names: Sequence[str] | None, count: int, co
         return names.index(column)
     if column.isdecimal() and int(column) < count:
         return int(column)
-    held = f"{', '.join(names)}; or " if names else ""
+    held = f"{listed(names)}; or " if names else ""
     raise ValueError(f"{what} of {path} ({held}0 to {count - 1}), got {column!r}")

@@ -106,8 +106,8 @@ def _family(
     pairs = sorted((w, d) for d, some in lengths for w in some if holds(w, d))
     if not pairs:
         raise ValueError(
-            "min_window, max_window, bandwidth and degree must leave a window that fits into x: none holds a fit of "
-            f"degree {' or '.join(str(d) for d, _ in lengths)}"
+            "min_window, max_window, bandwidth and degree must leave a window that fits into x, got none that holds "
+            f"a fit of degree {' or '.join(str(d) for d, _ in lengths)}"
         )
     designs = tuple(design(deriv, w, d, kappa, mu) for w, d in pairs)
     window, degree = (np.array(values, np.intp) for values in zip(*pairs, strict=True))

@@ -175,7 +175,10 @@ def suggest(
     0.2
     """
     if dask.is_dask(x):
-        raise TypeError("x must be an array in memory: choose from a part of it, as suggest(x[:100000].compute(), ...)")
+        raise TypeError(
+            "x must be an array in memory, got a lazy one: choose from a part of it, "
+            "as suggest(x[:100000].compute(), ...)"
+        )
     samples = arguments.unmasked("x", x)
     along = arguments.axis_index(axis, samples.ndim)
     want = wanted(

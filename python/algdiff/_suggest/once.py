@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from algdiff import _arguments as arguments
 from algdiff import _dask as dask
 from algdiff._differentiator import Differentiator
+from algdiff._refusals import shown
 from algdiff._results import Estimates
 from algdiff._suggest.choice import chosen
 from algdiff._suggest.suggestion import apply
@@ -45,12 +46,12 @@ def differentiated(
     for name, value in refused.items():
         if value is not None:
             raise ValueError(
-                f"window_length must be given with {name}, got {name} = {value!r} alone; algdiff.suggest chooses a "
-                "window and takes max_delay"
+                f"window_length must be given with {name}, got {name} = {shown(value)} alone; algdiff.suggest chooses "
+                "a window and takes max_delay"
             )
     if dask.is_dask(x):
         raise ValueError(
-            "window_length must be given for a Dask array: algdiff.suggest chooses it from a part in memory"
+            "window_length must be given for a Dask array, got none: algdiff.suggest chooses it from a part in memory"
         )
     samples = arguments.unmasked("x", x)
     along = arguments.axis_index(axis, samples.ndim)

@@ -12,6 +12,7 @@ from algdiff import _arguments as arguments
 from algdiff import _dask as dask
 from algdiff._kernel import Kernel
 from algdiff._orders import checked, highest
+from algdiff._refusals import named, shown
 from algdiff._suggest.candidates import even_degrees
 from algdiff._suggest.level import Limits
 from algdiff._times import Stamps
@@ -102,7 +103,8 @@ def wanted(
         delay = arguments.level("max_delay", max_delay) / delta
         said.append(f"max_delay = {max_delay}")
         if local:
-            raise ValueError("give local or max_delay, not both: windows that adapt are centered")
+            given = named(local=local, max_delay=max_delay)
+            raise ValueError(f"give local or max_delay, not both: got {given}, and windows that adapt are centered")
     limits = Limits(longest, least)
     return Wanted(orders, delta, exponent, limits, tuple(said), level, str(noise), delay, band * delta, bool(local))
 
@@ -116,11 +118,11 @@ def _exponent(kappa: object, mu: object) -> float:
 
 def _level(sigma: object, noise: object) -> float | None:
     if arguments.word("noise", noise, "a word, one of 'auto', 'white', 'ar1'") not in KINDS:
-        raise ValueError(f"noise must be 'auto', 'white' or 'ar1', got {noise!r}")
+        raise ValueError(f"noise must be 'auto', 'white' or 'ar1', got {shown(noise)}")
     if sigma is None:
         return None
     if noise == "ar1":
-        raise ValueError(f"give sigma or noise = 'ar1', not both: got sigma = {sigma!r}")
+        raise ValueError(f"give sigma or noise = 'ar1', not both: got {named(sigma=sigma, noise=noise)}")
     return arguments.level("sigma", sigma)
 
 
@@ -156,11 +158,13 @@ def sampled(length: int, delta: float | None, fs: float | None, t: ArrayLike | N
     if t is None:
         return arguments.sampling_step(delta, fs)
     if delta is not None or fs is not None:
-        raise ValueError("give t, delta or fs: got t and another")
+        raise ValueError(f"give t, delta or fs, one of them: got t and {'fs' if delta is None else 'delta'}")
     stamps = Stamps(dask.held(t), length)
-    if stamps.step is None:
-        raise ValueError("t must be evenly spaced to choose a window by: give window_length or window_duration")
-    return stamps.step
+    if stamps.step is None and length > 1:
+        raise ValueError(
+            "t must be evenly spaced to choose a window by, got uneven times: give window_length or window_duration"
+        )
+    return 1.0 if stamps.step is None else stamps.step  # a single sample is refused for being too few
 
 
 def descending(t: ArrayLike) -> bool:

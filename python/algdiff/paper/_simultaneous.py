@@ -43,8 +43,8 @@ def simultaneous_matrices(
     P : ndarray of float64, shape (N + 1, N + 1)
         Column j belongs to the derivative of order j at the origin.
     Q : callable
-        ``Q(tau)`` for `tau` of any shape S, in units of time from 0 to T, is an array of shape (N + 1, *S). It is zero
-        outside of the window.
+        ``Q(tau)`` for `tau` of any shape S, in units of time from 0 to T, is an array of shape ``(N + 1, *S)``. It is
+        zero outside of the window.
 
     Raises
     ------

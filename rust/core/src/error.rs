@@ -36,7 +36,16 @@ impl Error {
     /// An argument outside of what it may be.
     pub fn argument(name: &'static str, got: impl fmt::Debug, allowed: impl Into<String>) -> Self {
         // As for debugging, 1e-300 is not 300 zeros.
-        Self::Argument { name, got: format!("{got:?}"), allowed: allowed.into() }
+        Self::Argument { name, got: as_python(format!("{got:?}")), allowed: allowed.into() }
+    }
+}
+
+/// A value as Python writes it: strings in single quotes, and nan.
+fn as_python(value: String) -> String {
+    match value.strip_prefix('"').and_then(|rest| rest.strip_suffix('"')) {
+        Some(inner) => format!("'{inner}'"),
+        None if value == "NaN" => "nan".to_owned(),
+        None => value,
     }
 }
 
@@ -49,7 +58,7 @@ impl fmt::Display for Error {
                 "degree {degree} is too high for window_length {window_length}: the weights would be wrong by \
                  {error:.1e} (allowed 1e-10); use a longer window or a lower degree"
             ),
-            Self::Memory { bytes } => write!(f, "could not allocate {bytes} bytes"),
+            Self::Memory { bytes } => write!(f, "could not allocate {bytes} bytes: give the data in smaller parts"),
             Self::Interrupted => write!(f, "interrupted"),
         }
     }
