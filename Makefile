@@ -31,10 +31,15 @@ test-rust: ## tests of the core
 test-registers: ## the engines on registers of other CPUs as well; takes minutes to compile
 	cargo test --package algdiff-core --release --lib --features emulated-registers engine
 
+docs: ## the documentation in build/docs: examples run, links are checked, warnings are errors; needs `make dev`
+	rm -rf build/docs
+	$(PYTHON) -m sphinx -W --keep-going --quiet -b html docs build/docs
+	ALGDIFF_DOCS=build/docs $(PYTHON) -m pytest -q tests/test_docs.py
+
 test: ## the README's test command: install, then test
 	$(PYTHON) -m pip install '.[test]' && $(PYTHON) -m pytest -n auto --dist loadfile
 
-check: dev lint test-rust test ## all that continuous integration does
+check: dev lint test-rust docs test ## all that continuous integration does
 
 bench: ## speed against the targets and the peers, and the choice of the engine; results are checked first
 	$(PYTHON) benches/peers.py
