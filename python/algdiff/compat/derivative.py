@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABCMeta
 from typing import Any, SupportsIndex
 
 import numpy as np
@@ -18,7 +19,7 @@ __all__ = ["Algebraic"]
 
 
 @register("algebraic")
-class Algebraic(Derivative):  # type: ignore[misc]
+class Algebraic(Derivative, metaclass=ABCMeta):  # type: ignore[misc]
     """Differentiate by `algdiff.differentiate` in ``derivative.dxdt(x, t, kind="algebraic", ...)``.
 
     Its keywords are these parameters. `t` holds the times of the samples, even or not.
