@@ -169,3 +169,20 @@ def test_discretisation_errors_fall_with_the_window_however_long() -> None:
     for before, after, ratio in zip(errors[:-1], errors[1:], (10, 10, 3), strict=True):
         # Both responses tend to zero as 1 / omega^2, and so the part beyond the Nyquist frequency as L^(-3/2).
         assert after == pytest.approx(before / ratio**1.5, rel=0.15)
+
+
+def test_steps_near_the_smallest_number_end() -> None:
+    # Sixteen frequencies to a lobe are infinite in cycles per unit of time: this did not come back.
+    summary = Differentiator(101, delta=1e-308).summary()
+    assert summary["discretisation_error"] is None or summary["discretisation_error"] >= 0
+
+
+@pytest.mark.parametrize(("window_length", "exponent"), [(1001, 500.0), (101, 0.0), (101, 8.0)])
+def test_the_half_power_point_whatever_the_exponents(window_length: int, exponent: float) -> None:
+    ours = Differentiator(window_length, kappa=exponent, mu=exponent)
+    assert ours.half_power is not None
+    f = np.array([0.999, 1.001]) * ours.half_power
+    gain = np.abs(ours.frequency_response(f)) / (2 * np.pi * f)
+    assert gain[0] > np.sqrt(0.5) > gain[1]
+    below = np.linspace(0.001, 0.999, 500) * ours.half_power
+    assert (np.abs(ours.frequency_response(below)) > np.sqrt(0.5) * 2 * np.pi * below).all()

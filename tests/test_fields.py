@@ -357,7 +357,7 @@ def test_defaults_and_lists() -> None:
         (ValueError, "axis must be from -2 to 1", {"axes": 2}),
         (ValueError, r"axes must name every axis once, got \(0, -2\)", {"axes": (0, -2)}),
         (ValueError, r"axes must name at least one axis, got \(\)", {"axes": ()}),
-        (ValueError, "tau = 'root'", {"tau": "root"}),
+        (ValueError, "tau must not be 'root'", {"tau": "root"}),
         (ValueError, "rule must be", {"rule": "best"}),
         (ValueError, "threads must be", {"threads": 0}),
     ],

@@ -616,7 +616,7 @@ Y = np.zeros(21)
         (ValueError, "T must be such that", lambda: paper.simultaneous_matrices(3, 5, 1e100)),
         (ValueError, "T must be finite and positive, got 0", lambda: paper.condition_number(3, 5, 0)),
         (ValueError, "T must be finite and positive, got -1", lambda: paper.simultaneous_matrices(3, 5, -1)),
-        (ValueError, "T must be finite and positive, got NaN", lambda: paper.condition_number(3, 5, math.nan)),
+        (ValueError, "T must be finite and positive, got nan", lambda: paper.condition_number(3, 5, math.nan)),
         (TypeError, "T must be a real number", lambda: paper.condition_number(3, 5, "1")),  # type: ignore[arg-type]
         (ValueError, "N must be at least n = 3, got 2", lambda: paper.simultaneous_kernel(3, 2, 4)),
         (ValueError, r"nu must be at least N \+ 2 = 4", lambda: paper.simultaneous_kernel(1, 2, 3)),

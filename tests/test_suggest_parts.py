@@ -11,6 +11,7 @@ import numpy.typing as npt
 import pytest
 from scipy import stats
 
+import algdiff
 from algdiff._suggest import rows as rows_of
 from algdiff._suggest.candidates import CROWDED, LARGEST, RATIO, Family, even_degrees, family, windows
 from algdiff._suggest.distances import PLACES, distances
@@ -98,7 +99,7 @@ def test_memory_is_the_sum_of_squared_correlations(deriv: int) -> None:
 
 
 def test_nothing_fits() -> None:
-    with pytest.raises(ValueError, match="none holds a fit of degree 8"):
+    with pytest.raises(ValueError, match="none that holds a fit of degree 8"):
         family(1, ((8, (3, 5, 7)),), 1.0, 1.0)
 
 
@@ -233,6 +234,16 @@ def test_rows_without_gaps() -> None:
     np.testing.assert_array_equal(rows_of.finite_rows(two, 1), [np.arange(13.0, 20)] * 2)
     with pytest.raises(ValueError, match="x must hold samples that are finite, got none"):
         rows_of.finite_rows(np.full(5, np.nan), 0)
+
+
+def test_rows_without_a_sample_have_no_say() -> None:
+    x = np.sin(np.arange(200) / 10) + 0.1 * np.random.default_rng(3).standard_normal((2, 200))
+    some = np.stack([x[0], np.full(200, np.nan), x[1], np.full(200, np.inf)])
+    assert algdiff.suggest(some).differentiator == algdiff.suggest(x).differentiator
+    estimates = algdiff.differentiate(some)
+    # The ends of all rows are fitted together: rows may round otherwise.
+    np.testing.assert_allclose(estimates[[0, 2]], algdiff.differentiate(x), rtol=0, atol=1e-13)
+    assert np.isnan(estimates[1]).all()
 
 
 @pytest.mark.parametrize("shape", [(1, 100), (1, 1_000_000), (3, 40_000), (16, 2048), (16, 2049), (32, 5000)])

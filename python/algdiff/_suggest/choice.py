@@ -110,7 +110,7 @@ def suggest(
     x : array_like
         Samples along `axis`. One window is chosen for all rows; of more than 16 rows, 16 are looked at, of more than
         4 million samples those in the middle, and of these 16 blocks of 2048 at every scale. Where samples are missing,
-        the longest run without gaps is.
+        the longest run without gaps is; rows without a finite sample have no say.
     deriv : int or sequence of int
         Order of the derivative; of several, the highest is chosen for.
     degree : int, optional

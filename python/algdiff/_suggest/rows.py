@@ -27,7 +27,8 @@ def finite_rows(x: Samples, axis: int) -> Floats:
 
     Of a long recording they are a stretch in its middle.
 
-    Where samples are missing, the rows hold the longest run of samples without a gap in any of them.
+    Where samples are missing, the rows hold the longest run of samples without a gap in any of them. Rows without a single
+    finite sample have no say.
     """
     turned = np.moveaxis(x, axis, -1)
     outer, length = turned.shape[:-1], turned.shape[-1]
@@ -40,7 +41,11 @@ def finite_rows(x: Samples, axis: int) -> Floats:
     some = [turned[np.unravel_index(row, outer)][first : first + stretch] for row in picked]
     parts = [part for row in some for part in ((row.real, row.imag) if turned.dtype.kind == "c" else (row,))]
     rows = np.array(parts, np.float64).reshape(-1, stretch)
-    there = np.isfinite(rows).all(axis=0)
+    finite = np.isfinite(rows)
+    alive = finite.any(axis=1)
+    if alive.any() and not alive.all():
+        rows, finite = rows[alive], finite[alive]
+    there = finite.all(axis=0)
     if not there.all():
         edges = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(np.int8)))
         runs = edges.reshape(-1, 2)

@@ -43,7 +43,7 @@ impl Plan {
     pub fn half_power(&self, control: &impl Control) -> Result<Option<f64>, Error> {
         let power = self.design().deriv as i32;
         let beyond = |frequency: f64| self.response(frequency).norm() < FRAC_1_SQRT_2 * (TAU * frequency).powi(power);
-        let (step, nyquist) = (0.03 / self.duration(), 0.5 / self.design().delta);
+        let (step, nyquist) = (self.kernel().detail() / TAU / self.duration(), 0.5 / self.design().delta);
         let mut low = 0.0;
         while low < nyquist {
             control.check(0.0)?;
@@ -84,7 +84,8 @@ impl Plan {
     /// there on as many for every octave as for the one before, fewer for windows of very many samples.
     fn frequencies(&self, largest: f64) -> impl Iterator<Item = f64> + use<> {
         let first = largest.min(LOBES / self.duration());
-        let dense = (16.0 * first * self.duration()).ceil().max(256.0);
+        // In this order: steps may be so small that sixteen frequencies are infinite.
+        let dense = (16.0 * (first * self.duration())).ceil().max(256.0);
         let octaves = (largest / first).log2();
         let per_octave = (2e8 / self.span() as f64).clamp(64.0, 16.0 * LOBES);
         let sparse = (octaves * per_octave).ceil();

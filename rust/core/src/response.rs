@@ -244,13 +244,17 @@ impl Kernel {
         Some((ln_constant / self.roll_off()).exp()).filter(|cutoff| cutoff.is_normal())
     }
 
-    /// The smallest frequency at which `|G|` falls through `1 / sqrt(2)`.
-    pub fn half_power(&self, control: &impl Control) -> Result<Option<f64>, Error> {
+    /// The omega T of the finest detail of the size of the response: the wider the weight, the finer.
+    pub(crate) fn detail(&self) -> f64 {
         let family = self.family().raised(self.deriv());
         let (p, q) = (family.alpha + 1.0, family.beta + 1.0);
         let width = (p * q / (p + q + 1.0)).sqrt() / (p + q);
-        // |G|^2 has no detail finer than this.
-        let step = (0.02 / width).max(0.2);
+        (0.02 / width).max(0.2)
+    }
+
+    /// The smallest frequency at which `|G|` falls through `1 / sqrt(2)`.
+    pub fn half_power(&self, control: &impl Control) -> Result<Option<f64>, Error> {
+        let step = self.detail();
         let mut largest = 32.0 * step;
         let mut low = 0.0;
         while low < MAX_STEPS * step {
