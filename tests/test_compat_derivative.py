@@ -99,3 +99,10 @@ def test_without_the_package_the_error_says_what_to_install() -> None:
     code = "import sys; sys.modules['derivative'] = None; import algdiff.compat.derivative"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert "ImportError: algdiff.compat.derivative needs derivative: pip install derivative" in found.stderr
+
+
+def test_its_repr_is_a_call() -> None:
+    assert repr(Algebraic()) == "Algebraic()"
+    call = "Algebraic(window_length=11, degree=4, nan_policy='omit')"
+    assert repr(Algebraic(11, degree=4, nan_policy="omit")) == call
+    assert repr(Algebraic(window_duration=0.5)) == "Algebraic(window_duration=0.5)"

@@ -40,7 +40,7 @@ def test_without_a_window_signal_and_slope_have_their_own() -> None:
         x_hat, dxdt_hat = algdiff(x, 0.25)
         assert x_hat.tobytes() == differentiate(x, deriv=0, axis=0, delta=0.25).tobytes()
         assert dxdt_hat.tobytes() == differentiate(x, axis=0, delta=0.25).tobytes()
-    with pytest.raises(ValueError, match="t must be evenly spaced to choose a window by"):
+    with pytest.raises(ValueError, match=r"^dt_or_t must be evenly spaced to choose a window by"):
         algdiff(X, UNEVEN)
 
 
@@ -71,19 +71,48 @@ def test_nan_and_masked_samples_are_missing_ones() -> None:
 @pytest.mark.parametrize(
     ("t", "words", "error", "message"),
     [
-        (1, {"window_length": 151}, np.linalg.LinAlgError, "window_length must be from 4 to 150, got 151"),
-        (1, {"window_length": 5, "degree": 6}, np.linalg.LinAlgError, "window_length must be from 7 to 150, got 5"),
+        (
+            1,
+            {"window_length": 15, "degree": 150},
+            np.linalg.LinAlgError,
+            r"x must .* degree \+ 1 = 151 samples, got 150",
+        ),
+        (
+            1,
+            {"window_length": 15, "window_duration": 9.0},
+            ValueError,
+            "give window_length or window_duration, not both",
+        ),
+        (1, {"window_duration": -1.0}, ValueError, "window_duration"),
+        (float("inf"), {"window_length": 15}, ValueError, "^dt_or_t must be finite"),
+        (np.zeros(150), {"window_length": 15}, ValueError, "^dt_or_t must be strictly monotone"),
         (1, {"window_length": 15, "degree": 0}, ValueError, "degree"),
         (1, {"window_length": 15.5}, TypeError, "window_length must be an integer, got 15.5"),
         (1, {"window_length": 15, "kappa": -1}, ValueError, "kappa"),
         (1, {"window_length": 15, "axis": 2}, ValueError, "axis must be from -2 to 1"),
         (-1, {"window_length": 15}, ValueError, "dt_or_t must be a positive step or the times of the samples, got -1"),
-        (EVEN[::-1][:-1], {"window_length": 15}, ValueError, "t must have one time for each of the 150 samples"),
+        (EVEN[::-1][:-1], {"window_length": 15}, ValueError, "^dt_or_t must have one time for each of the 150 samples"),
     ],
 )
 def test_bad_parameters_are_named(t: Any, words: dict[str, Any], error: type[Exception], message: str) -> None:
     with pytest.raises(error, match=message):
         algdiff(X, t, **words)
+
+
+@pytest.mark.parametrize(("t", "how"), [(0.25, "delta"), (EVEN, "t"), (UNEVEN, "t")], ids=["step", "even", "uneven"])
+def test_a_window_of_a_duration(t: Any, how: str) -> None:
+    found = algdiff(X, t, window_duration=4.0)
+    expected = differentiate(X, deriv=(0, 1), axis=0, window_duration=4.0, **{how: t})
+    assert np.array_equal(found, expected)
+
+
+@pytest.mark.filterwarnings("ignore::algdiff.DesignWarning")
+@pytest.mark.parametrize(("words", "taken"), [({"window_length": 9999}, 150), ({"window_length": 5, "degree": 6}, 7)])
+def test_windows_that_do_not_fit_are_clipped_with_a_warning(words: dict[str, Any], taken: int) -> None:
+    with pytest.warns(UserWarning, match=f"window_length must be from . to 150, got .*: {taken} is taken") as caught:
+        found = algdiff(X, 0.25, **words)
+    assert caught[0].filename == __file__
+    assert np.array_equal(found, algdiff(X, 0.25, **{**words, "window_length": taken}))
 
 
 STEP = 0.005
@@ -123,8 +152,39 @@ def test_the_tuner_told_the_truth_is_no_worse_than_its_first_guesses() -> None:
 
 def test_the_tuner_survives_short_samples() -> None:
     found, cost = optimize(algdiff, NOISY[:60], STEP, bandlimit=1, parallel=False)
-    assert found["window_length"] <= 60
     assert cost < 1
+    if found["window_length"] > 60:  # what was taken is all of them
+        with pytest.warns(UserWarning, match="60 is taken"):
+            algdiff(NOISY[:60], STEP, **found)
+
+
+# Of medians of nothing.
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_the_tuner_with_missing_samples_needs_the_truth() -> None:
+    """Without it all costs are NaN, which it says: the cost of windows that do not fit was the best of them."""
+    x = NOISY.copy()
+    x[300:304] = np.nan
+    space = {"window_length": [5, 131]}
+    found, cost = optimize(algdiff, x, STEP, dxdt_truth=SLOPE, parallel=False, search_space_updates=space)
+    assert cost < 0.3
+    assert found["window_length"] > 60
+    with pytest.raises(ValueError, match="All-NaN"):
+        optimize(algdiff, x, STEP, bandlimit=1, parallel=False, search_space_updates=space)
+
+
+def test_the_tuner_by_powell_returns_a_window_that_fits() -> None:
+    space = {"degree": 4, "window_length": [15, 131]}
+    found, cost = optimize(
+        algdiff,
+        NOISY[:500],
+        STEP,
+        dxdt_truth=SLOPE[:500],
+        opt_method="Powell",
+        parallel=False,
+        search_space_updates=space,
+    )
+    assert 60 < found["window_length"] <= 500
+    assert cost < 0.2
 
 
 def test_without_the_package_the_error_says_what_to_install() -> None:

@@ -101,6 +101,21 @@ def test_missing_samples_are_refused_or_left_out() -> None:
     assert not np.isnan(found).any()
 
 
+def test_columns_without_samples_do_not_hinder_the_choice() -> None:
+    x = X.copy()
+    x[:, 1] = np.nan
+    made = DerivativeTransformer(nan_policy="omit").fit(x)
+    assert made.differentiator_ == algdiff.suggest(X[:, [0, 2]], axis=0).differentiator
+    for rows in (x, x[: made.differentiator_.window_length - 1]):
+        found = made.transform(rows)
+        assert np.isnan(found[:, 1]).all()
+        assert np.isfinite(found[:, [0, 2]]).all()
+    pd = pytest.importorskip("pandas", reason="needs pandas")
+    table = pd.DataFrame({"a": x[:, 1], "b": x[:, 1]})
+    with pytest.raises(ValueError, match="x must hold samples that are finite, got none"):
+        made.fit(table)
+
+
 def test_tags_say_what_is_kept() -> None:
     for policy in ("propagate", "omit"):
         tags = DerivativeTransformer(15, nan_policy=policy).__sklearn_tags__()

@@ -53,8 +53,8 @@ class Continuous:
     def get_T(self) -> float:
         """Return the length of the window.
 
-        The length that was given; filters take the nearest whole number of steps. With a cutoff instead, the whole
-        number of steps whose cutoff is nearest, where the toolbox rounds down.
+        The length that was given. With a cutoff instead, the longest whole number of steps whose cutoff is not lower,
+        as in the toolbox.
         """
         return self._parameters.T
 
@@ -145,9 +145,8 @@ class Continuous:
         if number > 2:
             raise ValueError(f"nested must be 1 or 2, got {shown(number)}")
         of = self._parameters
-        lag = points("t", t).reshape(np.shape(t)) / of.T
-        step = of.kernel.step_response(lag)
-        return step if number == 1 else np.maximum(lag, 0) * step * of.T - _first_moment(of, lag) * of.T
+        times = points("t", t).reshape(np.shape(t))
+        return of.kernel.step_response(times / of.T) if number == 1 else second_integral(of, 0, times)
 
     def get_stepResponse(self, t: ArrayLike) -> Any:
         """Return the response to a unit step.
@@ -277,6 +276,14 @@ class Continuous:
         with np.errstate(divide="ignore"):
             weight[inside] = (1 - places[inside]) ** newest * (1 + places[inside]) ** oldest
         return weight
+
+
+def second_integral(of: Parameters, order: int, times: Any) -> Any:
+    """Return the integral from 0 to `times` of the integral of the kernel of a derivative."""
+    lag = times / of.T
+    if order > 0:
+        return of.of_order(order - 1).step_response(lag) / of.T ** (order - 1)
+    return (np.maximum(lag, 0) * of.kernel.step_response(lag) - _first_moment(of, lag)) * of.T
 
 
 def _first_moment(of: Parameters, lag: Any) -> Any:

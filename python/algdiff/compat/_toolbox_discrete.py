@@ -16,7 +16,7 @@ from algdiff._arguments import Samples
 from algdiff._differentiator import Differentiator
 from algdiff._refusals import shown
 from algdiff.compat._toolbox_analysis import Continuous, Floats
-from algdiff.compat._toolbox_filters import Discrete, checked_method, checked_share, discretised
+from algdiff.compat._toolbox_filters import UNROUNDED, Discrete, checked_method, checked_share, discretised, is_whole
 from algdiff.compat._toolbox_parameters import points
 
 
@@ -49,8 +49,10 @@ class Discretised(Continuous):
             see above. "euler" is the trapezoidal rule: the toolbox counts both ends of the kernel fully and states
             half a step too little delay. "simpson rule", "simpson 3/8 rule", "boole rule", "newton-cotes order 6" and
             "newton-cotes order 7" have their nodes one step apart and a window of whole panels of 2, 3, 4, 6 and 7
-            steps; the toolbox's have neither. Rules that sample the ends of the kernel refuse orders above
-            ``min(alpha, beta)``, where it is infinite there.
+            steps; the toolbox's have neither. These and "exact" need whole windows and take the nearest. The others
+            keep the kernel where `T` ends between two samples: "mid-point" and "trapezoidal" sample it up to `T`, the
+            "analytic" ones integrate all of it, which the toolbox cuts at the last whole step. Rules that sample the
+            ends of the kernel refuse orders above ``min(alpha, beta)``, where it is infinite there.
         redFilLength : bool
             Leave out samples at both ends of the window.
         redTol : float
@@ -139,7 +141,13 @@ class Discretised(Continuous):
         der : int
             Order of the derivative.
         method : str
-            As in `discretize`, but for the Newton-Cotes rules above Simpson's. Its weights are not corrected.
+            As in `discretize`, but for the Newton-Cotes rules above Simpson's. Its weights are not corrected. With
+            "exact" and "simpson rule" it is of the nearest window that they can take.
+
+        Raises
+        ------
+        ValueError
+            `T` ends between two samples, and `method` keeps the kernel there: no Differentiator has such a window.
 
         Examples
         --------
@@ -148,7 +156,13 @@ class Discretised(Continuous):
         3
         """
         order, word, share = self._asked("der", der, method, False, 0.0)
-        design = discretised(self._parameters, order, word, share, correct=False).design
+        of = self._parameters
+        if word in UNROUNDED and not is_whole(of):
+            raise ValueError(
+                f"T must be a whole number of steps of ts = {of.ts} for a Differentiator with method {word!r}, "
+                f"got {of.T}: use 'exact', which takes the nearest window"
+            )
+        design = discretised(of, order, word, share, correct=False).design
         if design is None:
             raise ValueError(f"method must be one of a Differentiator's rules, such as 'exact', got {method!r}")
         return design

@@ -71,7 +71,7 @@ class Parameters:
 
     @cached_property
     def T(self) -> float:  # noqa: N802
-        """The length of the window: as given, or the whole number of steps whose cutoff is nearest to `wc`."""
+        """The length of the window: as given, or the longest whole number of steps with a cutoff of at least `wc`."""
         if self.window is not None:
             return self.window
         cutoff = self.kernel.cutoff
@@ -81,11 +81,11 @@ class Parameters:
                 f"alpha, beta, N and theta must give a kernel with a cutoff for wc, got alpha = {self.alpha}, "
                 f"beta = {self.beta}, N = {self.N}, theta = {self.shown_theta}"
             )
-        steps = cutoff / (wanted * self.ts)
-        if steps < 0.5:
-            raise ValueError(f"wc must be at most {2 * cutoff / self.ts:.6g}, that of one step, got {self.wc}")
-        near = [n for n in (math.floor(steps), math.ceil(steps)) if n > 0]
-        return self.ts * min(near, key=lambda n: abs(cutoff / n - wanted * self.ts))
+        # A cutoff that a whole number of steps has, but for rounding, is that one's.
+        steps = math.floor(cutoff / (wanted * self.ts) * (1 + 1e-12))
+        if steps < 1:
+            raise ValueError(f"wc must be at most {cutoff / self.ts:.6g}, that of one step, got {self.wc}")
+        return self.ts * steps
 
     @property
     def shown_theta(self) -> float:

@@ -73,6 +73,13 @@ class Algebraic(Derivative, metaclass=ABCMeta):  # type: ignore[misc]
             "local": local,
         }
 
+    def __repr__(self) -> str:
+        defaults = Algebraic.__init__.__kwdefaults__ or {}
+        given = {name: value for name, value in self._options.items() if value != defaults[name]}
+        if self._window_length is not None:
+            given = {"window_length": self._window_length, **given}
+        return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in given.items())})"
+
     def compute(self, t: ArrayLike, x: ArrayLike, i: int) -> Any:
         """Return the derivative at sample `i`; all of them cost as much."""
         return self.compute_for(t, x, i)

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from algdiff import _arguments as arguments
 from algdiff._differentiate import differentiate
+from algdiff._warnings import outside
+from algdiff.compat._names import renamed
 
 try:
     with warnings.catch_warnings():
@@ -22,7 +24,7 @@ except ImportError as _error:
 __all__ = ["algdiff"]
 
 SPACE = {"window_length": [5, 15, 31, 51, 91, 131, 201, 301], "degree": {2, 4, 6}, "kappa": 1.0, "mu": 1.0}
-BOUNDS = {"window_length": (3, 10_000, "odd")}
+BOUNDS = {"window_length": (3, 1000, "odd")}  # of its own methods: of wider ones Powell samples what fits no data
 
 
 def algdiff(
@@ -33,6 +35,7 @@ def algdiff(
     kappa: float = 1.0,
     mu: float = 1.0,
     axis: int = 0,
+    window_duration: float | None = None,
 ) -> tuple[NDArray[Any], NDArray[Any]]:
     """Smooth and differentiate by `algdiff.differentiate`.
 
@@ -45,12 +48,15 @@ def algdiff(
     dt_or_t : float or array_like
         The sampling step, or the times of the samples, even or not.
     window_length : int, optional
-        Number of samples in the window. Without it, window and degree are chosen from the data, one for all rows, and
-        by themselves for the signal and its derivative. That needs even times, and takes milliseconds.
+        Number of samples in the window. Without it and `window_duration`, window and degree are chosen from the data,
+        one for all rows, and by themselves for the signal and its derivative. That needs even times, and takes
+        milliseconds.
     degree, kappa, mu
         As in `algdiff.differentiate`.
     axis : int
         The axis of time in `x`.
+    window_duration : float, optional
+        Instead of `window_length`: the duration of the window, in the unit of `dt_or_t`.
 
     Returns
     -------
@@ -60,10 +66,15 @@ def algdiff(
     Raises
     ------
     numpy.linalg.LinAlgError
-        The window holds more samples than there are, or too few for the degree. This is a ValueError; the tuner takes
-        it for a bad guess.
+        There are fewer samples than the degree needs. This is a ValueError; the tuner takes it for a bad guess.
     ValueError, TypeError
         As by `algdiff.differentiate`.
+
+    Warns
+    -----
+    UserWarning
+        `window_length` is more than the samples, or too few for the degree: the nearest that fits is taken, as by
+        PyNumDiff, whose tuner guesses such windows.
 
     Examples
     --------
@@ -81,14 +92,26 @@ def algdiff(
     words["t" if np.ndim(dt_or_t) else "delta"] = dt_or_t
     if np.isnan(samples).any():
         words["nan_policy"] = "omit"
-    if window_length is None:
-        return differentiate(samples, deriv=0, **words), differentiate(samples, deriv=1, **words)
-    least = 4 if degree is None else arguments.integer("degree", degree, 1) + 1
-    most = samples.shape[arguments.axis_index(axis, samples.ndim)]
-    if not least <= arguments.integer("window_length", window_length, 1) <= most:
-        raise np.linalg.LinAlgError(f"window_length must be from {least} to {most}, got {window_length}")
-    x_hat, dxdt_hat = differentiate(samples, window_length, (0, 1), **words)
+    if window_length is not None and window_duration is None:
+        window_length = _fitting(window_length, degree, samples.shape[arguments.axis_index(axis, samples.ndim)])
+    with renamed({"t": "dt_or_t", "delta": "dt_or_t"}):
+        if window_length is None and window_duration is None:
+            return differentiate(samples, deriv=0, **words), differentiate(samples, deriv=1, **words)
+        x_hat, dxdt_hat = differentiate(samples, window_length, (0, 1), window_duration=window_duration, **words)
     return x_hat, dxdt_hat
+
+
+def _fitting(window_length: SupportsIndex, degree: SupportsIndex | None, most: int) -> int:
+    """Return the window, or the nearest that the samples and the degree allow."""
+    least = 4 if degree is None else arguments.integer("degree", degree, 1) + 1
+    if least > most:
+        raise np.linalg.LinAlgError(f"x must have at least degree + 1 = {least} samples, got {most}")
+    given = arguments.integer("window_length", window_length, 1)
+    taken = min(max(given, least), most)
+    if taken != given:
+        message = f"window_length must be from {least} to {most}, got {given}: {taken} is taken"
+        warnings.warn(message, UserWarning, stacklevel=outside())
+    return taken
 
 
 method_params_and_bounds[algdiff] = (SPACE, BOUNDS)

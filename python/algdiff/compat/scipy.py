@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from algdiff._differentiator import Differentiator
 from algdiff._orders import single
+from algdiff.compat._names import renamed
 
 __all__ = ["firdiff"]
 
@@ -64,7 +65,8 @@ def firdiff(
         raise ValueError(f"either numtaps or cutoff must be given, got numtaps={numtaps!r} and cutoff={cutoff!r}")
     words: dict[str, Any] = {"degree": degree, "kappa": kappa, "mu": mu, "tau": tau, "delay": delay, "fs": fs}
     if cutoff is None:
-        design = Differentiator(numtaps, deriv, rule=rule, **words)  # type: ignore[arg-type]
+        with renamed({"window_length": "numtaps"}):
+            design = Differentiator(numtaps, deriv, rule=rule, **words)  # type: ignore[arg-type]
     else:
         design = Differentiator.from_cutoff(cutoff, deriv, rule=rule, **words)
     single("the taps of a filter", design)

@@ -29,8 +29,8 @@ class DerivativeTransformer(OneToOneFeatureMixin, TransformerMixin, BaseEstimato
     Parameters
     ----------
     window_length : int, optional
-        Number of rows in the window. Without it `fit` chooses window and degree, one for all columns; `transform`
-        chooses anew if it gets fewer rows than that window has.
+        Number of rows in the window. Without it `fit` chooses window and degree, one for all columns that hold samples;
+        `transform` chooses anew if it gets fewer rows than that window has.
     deriv : int or sequence of int
         Order of the derivative; 0 smooths. Of several, all columns of the first come first.
     degree, kappa, mu, delta, mode, nan_policy

@@ -11,6 +11,7 @@ from typing import Any, SupportsIndex
 
 import numpy as np
 
+from algdiff import _arguments as arguments
 from algdiff._refusals import shown
 from algdiff._warnings import DesignWarning, outside
 from algdiff.compat._toolbox_discrete import Discretised
@@ -37,10 +38,11 @@ class AlgebraicDifferentiator(Discretised):
     N : int
         Degree of the polynomial that the derivative is approximated by.
     T : float or None
-        Length of the window. Filters take the nearest whole number of steps; the toolbox drops the rest, and counts 28
-        steps of 0.005 in ``29 * 0.005``.
+        Length of the window. Between two whole numbers of steps "exact" and the Newton-Cotes rules take the nearest;
+        the others leave the kernel as it is, and end at its end. The toolbox drops the samples and the part of the
+        kernel beyond the last whole step, and counts 28 steps of 0.005 in ``29 * 0.005``.
     wc : float or None
-        With ``T=None``: the cutoff in rad per unit of `ts`. It is kept when other parameters change.
+        With ``T=None``: the lowest cutoff in rad per unit of `ts`. It is kept when other parameters change.
     display : bool
         Print the parameters, on one line.
     corr : bool
@@ -108,6 +110,14 @@ class AlgebraicDifferentiator(Discretised):
         if display:
             self.printParam()
 
+    def __repr__(self) -> str:
+        of = self._parameters
+        words = {name: getattr(of, name) for name in ("ts", "alpha", "beta", "N")}
+        words |= {"T": of.window} if of.wc is None else {"T": None, "wc": of.wc}
+        call = ", ".join(f"{name}={value!r}" for name, value in words.items())
+        made = f"{type(self).__name__}({call}, corr={self._correction})"
+        return made if of.theta is None else f"<{made} with theta set to {of.theta!r}>"
+
     @property
     def correction(self) -> bool:
         """Whether filters are divided by their gain."""
@@ -157,7 +167,7 @@ class AlgebraicDifferentiator(Discretised):
         names = ", ".join(f"{name} {getattr(of, name):g}" for name in ("alpha", "beta", "N"))
         print(
             f"{type(self).__name__}: {names}, theta {of.shown_theta:g}, ts {of.ts:g}, "
-            f"T {of.T:g} ({math.floor(of.T / of.ts + 0.5)} steps), delay {self.get_delay():g}, "
+            f"T {of.T:g} ({of.T / of.ts:.6g} steps), delay {self.get_delay():g}, "
             f"cutoff {of.cutoff:g} rad/s ({of.cutoff / (2 * math.pi):g} Hz)"
         )
 
@@ -167,14 +177,14 @@ class AlgebraicDifferentiator(Discretised):
         Parameters
         ----------
         wc : float
-            The cutoff in rad per unit of `ts`; the nearest that a whole number of steps has. The toolbox rounds down:
-            ``wc=20`` comes out at up to 20.6.
+            The lowest cutoff in rad per unit of `ts`: the window is the longest whole number of steps whose cutoff is
+            not below it. ``wc=20`` comes out at up to 20.6, as in the toolbox; `get_cutoffFreq` says at what.
         """
-        self._change(window=None, wc=wc)
+        self._change(window=None, wc=arguments.real("wc", wc))
 
     def set_T(self, T: float) -> None:
         """Set the length of the window; a cutoff that was given no longer holds."""
-        self._change(window=T, wc=None)
+        self._change(window=arguments.real("T", T), wc=None)
 
     def set_samplingPeriod(self, ts: float) -> None:
         """Set the sampling step; filters are made anew, which the toolbox's are not."""
