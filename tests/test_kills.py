@@ -247,7 +247,9 @@ def _replaced() -> None:
 def test_an_input_that_changes(change: Callable[[], None], when: float) -> None:
     cut = change is _truncated and when < 1
     said = "ends before the array does: it was cut off, or is being written"
-    match = rf"^x\.npy: {said if cut else 'was changed while it was read; nothing was written: run again when it rests'}$"
+    match = (
+        rf"^x\.npy: {said if cut else 'was changed while it was read; nothing was written: run again when it rests'}$"
+    )
     failing("x.npy", "y.npy", progress=at(when, change), error=ValueError, match=match)
     assert os.listdir() == ["x.npy"]
 
