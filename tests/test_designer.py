@@ -27,7 +27,7 @@ import algdiff
 from algdiff._cli import main
 from algdiff._designer import answers
 from algdiff._designer import recording as recordings
-from algdiff._designer.query import HIGHEST, LONGEST
+from algdiff._designer.query import HIGHEST, LONGEST, STEEPEST, WORK, RefusedError
 from algdiff._designer.recording import Recording, thinned
 from algdiff._designer.server import FIELDS, HEADERS, TARGET, Server
 from algdiff._pages import of_design
@@ -241,7 +241,13 @@ def test_figures_charts_and_the_python_line_are_those_of_the_library(
     found = ask(server, "answer", words).json
     expected = {**design.summary(), "engine": design.engine}
     sigma = algdiff.noise_level(made().samples[0])
-    expected |= {"samples": 3000, "missing": 0, "noise_level": sigma, "std": sigma * design.noise_gain**0.5}
+    expected |= {
+        "samples": 3000,
+        "missing": 0,
+        "infinite": 0,
+        "noise_level": sigma,
+        "std": sigma * design.noise_gain**0.5,
+    }
     assert set(found["figures"]) == {*expected} - {
         "window_length",
         "deriv",
@@ -302,6 +308,17 @@ def test_warnings_are_shown_with_the_answer(server: Server) -> None:
         ({"window": 2.5}, "window", "window must be a whole number"),
         ({"window": 10**9}, "window", "from 1 to 100001"),
         ({"degree": 51}, "degree", "from 0 to 50"),
+        ({"kappa": 100.5}, "kappa", "kappa must be at most 100 on this page, got '100.5'"),
+        ({"mu": "inf"}, "mu", "mu must be at most 100 on this page, got 'inf'"),
+        (
+            {"window": 100_001, "degree": 50, "deriv": 50},
+            "window",
+            "window must be at most 25000 at order 50 and degree",
+        ),
+        ({"fs": 1e308}, "step", "fs must be such that the figures of order 1 do not overflow or underflow, got 1e+308"),
+        ({"delta": 1e-308}, "step", "delta must be such that the figures of order 1 do not overflow"),
+        ({"fs": 1e-320}, "step", "fs must be finite and positive"),
+        ({"delta": "inf"}, "step", "delta must be finite and positive"),
         ({"window": 4001}, "window", "at most the 3000 samples"),
         ({"deriv": ""}, "deriv", "got nothing"),
         ({"tau": "last"}, "delay", "tau must"),
@@ -322,6 +339,27 @@ def test_what_cannot_be_is_said_beside_its_control(
     assert named in reply.json["error"]
     assert "\n" not in reply.json["error"]
     assert f'id="{control}-error"' in ask(server, "").content.decode()
+
+
+def test_what_takes_long_is_neither_answered_nor_offered(server: Server) -> None:
+    assert ask(server, "answer", {"kappa": STEEPEST, "mu": STEEPEST}).status == 200
+    assert ask(server, "export/json", {"kappa": STEEPEST + 1}).status == 400
+    text = ask(server, "").content.decode()
+    for name in ("kappa", "mu"):
+        assert re.search(rf'<input type="number" id="{name}"[^>]* max="{STEEPEST}"', text)
+    assert WORK // HIGHEST > 20_001  # the slider's longest window has every degree
+
+
+def test_missing_and_infinite_samples_are_told_apart() -> None:
+    recording = made()
+    recording.samples[0, 5:8], recording.samples[0, 9] = np.nan, np.inf
+    recording.samples[1] = np.nan
+    answering = answers.Answers(recording)
+    found = answering.answer({})
+    assert (found["figures"]["missing"], found["figures"]["infinite"]) == (3, 1)
+    with pytest.raises(RefusedError, match="x must hold samples that are finite, got none") as refused:
+        answering.answer({"column": "1"})
+    assert refused.value.control == "data"
 
 
 def test_an_older_question_of_a_page_is_dropped(server: Server) -> None:
@@ -548,7 +586,7 @@ def test_the_command_serves_its_page_until_ctrl_c(tmp_path: Path) -> None:
 def test_ctrl_c_ends_the_command_while_it_computes(tmp_path: Path) -> None:
     np.save(tmp_path / "x.npy", np.random.default_rng(3).standard_normal(1 << 20))
     running, url = designer(tmp_path / "x.npy")
-    words = {"window": LONGEST, "degree": HIGHEST, "kappa": 0.3, "mu": 0.3}
+    words = {"window": LONGEST, "degree": WORK // LONGEST - 1, "kappa": 0.3, "mu": 0.3}
     under_way = answered(url, "answer", words, wait=False)
     time.sleep(0.5)
     started = time.monotonic()
@@ -589,6 +627,10 @@ def test_the_browser_is_opened_unless_it_is_not_wanted(
         (["--port", "80a"], 2, "must be a port"),
         (["x.txt"], 2, "FILE: the suffix of x.txt must be"),
         (["none.npy"], 1, "none.npy"),
+        (["scalar.npy"], 1, "scalar.npy: must hold samples, got a single number"),
+        (["one.npy"], 1, "one.npy: must hold two samples or more, got 1"),
+        (["tall.npy"], 1, "tall.npy: must hold two samples or more, got 1: along --axis 0 there are 5"),
+        (["empty.npy"], 1, "empty.npy: must hold samples, got shape (100, 0)"),
         (["--fs", "0"], 2, "--fs must"),
         (["--columns", "a"], 2, "--columns is for a FILE, got none"),
         (["x.csv", "--time", "t", "--fs", "10"], 2, "give --time, --delta or --fs"),
@@ -598,6 +640,8 @@ def test_what_cannot_be_served_is_said(
     arguments: list[str], code: int, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    for name, samples in {"scalar": 3.0, "one": [1.0], "tall": np.ones((5, 1)), "empty": np.ones((100, 0))}.items():
+        np.save(f"{name}.npy", samples)
     assert main(["designer", "--no-browser", *arguments]) == code
     out, err = capsys.readouterr()
     assert out == ""

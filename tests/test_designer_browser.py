@@ -141,7 +141,7 @@ def test_it_starts_with_the_choice_from_the_data(desktop: Page) -> None:
     sigma = algdiff.noise_level(made().samples[0])
     assert desktop.figure("noise_level") == sigma
     assert desktop.figure("std") == sigma * math.sqrt(chosen.noise_gain)
-    assert desktop.page.locator("[data-figure]").count() == len(FIGURES) + 4
+    assert desktop.page.locator("[data-figure]").count() == len(FIGURES) + 5
     assert {one.get_attribute("data-figure") for one in desktop.page.locator("[data-figure]").all()} <= set(NAMES)
 
 
@@ -347,3 +347,19 @@ def test_it_is_readable_on_a_phone_and_in_the_dark(browser: Any, server: Server)
         assert drawn == pytest.approx(asked, rel=0.02)  # so that text is as large as it is meant
         context.close()
     assert grounds["light"] != grounds["dark"]
+
+
+@pytest.mark.parametrize("width", [360, 1100, 1280])
+def test_the_first_figures_stay_in_their_boxes(page: Page, width: int) -> None:
+    page.page.set_viewport_size({"width": width, "height": 900})
+    page.page.select_option("#step-unit", "delta")
+    page.page.fill("#step", "1")
+    page.page.press("#step", "Enter")
+    page.settle()
+    cutoff = page.page.locator("#figure-cutoff")
+    assert cutoff.text_content() == f"{page.figure('cutoff'):.4g} cycles/sample"
+    wide = page.page.locator(".facts dd").evaluate_all("all => all.filter(one => one.scrollWidth > one.clientWidth)")
+    # Else words would be broken anywhere, and always fit.
+    assert cutoff.evaluate("one => getComputedStyle(one).overflowWrap") == "normal"
+    page.page.set_viewport_size({"width": 1280, "height": 900})
+    assert wide == []

@@ -122,10 +122,24 @@ def test_parts_that_can_be_imported(module: Any) -> None:
     assert (part["found"], part["version"], part["error"]) == (True, "1.0", None)
 
 
-def test_imports_that_never_end(module: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    module("import time; time.sleep(60)")
-    monkeypatch.setattr(_doctor, "PATIENCE", 0.2)
-    assert only(_doctor.examine(importing=True))["error"] == "cannot be imported (not within 0.2 s)"
+def test_imports_that_never_end(
+    module: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    part = module(f"open({str(tmp_path / 'runs')!r}, 'a').write('one '); import time; time.sleep(60)")
+    (tmp_path / "needing.py").write_text("import doctored")
+    monkeypatch.setattr(_doctor, "PARTS", (part, part._replace(module="needing")))
+    monkeypatch.setattr(_doctor, "PATIENCE", 2.0)
+    hanging, needing = _doctor.examine(importing=True)["parts"]
+    assert hanging["error"] == "cannot be imported (not within 2 s)"
+    assert needing["error"].startswith("cannot be imported (ModuleNotFoundError: import of doctored halted")
+    assert (tmp_path / "runs").read_text() == "one "
+    assert capsys.readouterr().err.splitlines() == ["importing doctored", "importing needing"]
+
+
+def test_the_limit_of_an_import_is_what_the_guide_says() -> None:
+    guide = (Path(__file__).parent.parent / "docs" / "messages.md").read_text("utf-8")
+    assert f"within {_doctor.PATIENCE:g} seconds" in guide
+    assert _doctor.PATIENCE <= 20
 
 
 def test_finders_that_raise(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -154,3 +154,18 @@ def test_print_is_light_even_from_a_dark_screen(opened):
         assert sum(numbers(ground)) > 600
         assert contrast(colour, ground) >= (4.5 if kind == "text" else 3)
     assert page.locator("svg.chart:visible").count() == 17
+
+
+@pytest.mark.parametrize("width", [360, 700, 1100, 1280])
+def test_the_first_figures_break_no_word(browser: Any, tmp_path: Path, width: int) -> None:
+    np.save(tmp_path / "x.npy", np.sin(0.01 * np.arange(2000)))
+    target = tmp_path / "report.html"
+    assert main(["report", str(tmp_path / "x.npy"), "--window", "735", "-o", str(target)]) == 0
+    page = browser.new_page(viewport={"width": width, "height": 900})
+    page.goto(target.as_uri())
+    boxes = page.locator(".facts dd")
+    assert any("cycles/sample" in one for one in boxes.all_inner_texts())
+    wide = boxes.evaluate_all("all => all.filter(one => one.scrollWidth > one.clientWidth).length")
+    broken = boxes.evaluate_all("all => all.filter(one => getComputedStyle(one).overflowWrap !== 'normal').length")
+    page.close()
+    assert (wide, broken) == (0, 0)

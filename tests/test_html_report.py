@@ -18,12 +18,13 @@ import pytest
 import algdiff
 from algdiff import _cli_report, _output
 from algdiff._cli import main
+from algdiff._pages import of_design, of_recording
 from algdiff._pages.report import Report
 from algdiff._report import _shown
 from cli import error_line, leftovers
 
 N = 200
-VOID = {"meta", "link", "br", "img", "input", "hr"}
+VOID = {"meta", "link", "br", "wbr", "img", "input", "hr"}
 
 
 @pytest.fixture(autouse=True)
@@ -93,7 +94,7 @@ def made(*arguments: object, output: str = "report.html") -> str:
 ALLOWED = {
     *("html", "head", "meta", "title", "link", "style", "body", "main", "header", "footer", "section", "figure"),
     *("div", "p", "h1", "h2", "h3", "ul", "li", "dl", "dt", "dd", "table", "caption", "tr", "th", "td", "pre", "code"),
-    *("svg", "desc", "path", "text"),
+    *("span", "wbr", "svg", "desc", "path", "text"),
 }
 
 
@@ -210,6 +211,212 @@ def test_its_lines_give_the_same_again(x, flags):
     assert np.allclose(np.load("OUT.npy"), estimate, rtol=1e-9, atol=1e-9 * np.abs(estimate).max(), equal_nan=True)
 
 
+def samples_of(page: str) -> tuple[np.ndarray, np.ndarray]:
+    """Run the lines that are printed; return samples and estimates, after a look at the least and largest of them."""
+    names: dict[str, object] = {}
+    exec(code(page)[0], names)  # noqa: S102
+    estimate = np.asarray(names["estimate"])
+    rows = np.moveaxis(estimate, 0, -1).reshape(-1, len(estimate)) if estimate.ndim > 1 else estimate[None]
+    if "axis=0" not in code(page)[0]:
+        rows = estimate.reshape(-1, estimate.shape[-1])
+    for place, row in enumerate(rows):
+        assert value(page, "least", place) == f"{row.min():.6g}"
+        assert value(page, "largest", place) == f"{row.max():.6g}"
+    return np.asarray(names["x"]), rows
+
+
+@pytest.fixture
+def two(x):
+    return np.stack([x, x[::-1] ** 2], 1)
+
+
+def test_the_lines_read_numpy_files(x, two):
+    np.savez("one.npz", inner=x)  # without --key
+    np.save("single.npy", x.astype(np.float32))
+    np.save("two.npy", two)
+    assert np.array_equal(samples_of(made("one.npz", "--window", 21))[0], x)
+    assert np.array_equal(samples_of(made("single.npy", "--window", 21))[0], x.astype(np.float32).astype(float))
+    found, rows = samples_of(made("two.npy", "--axis", 0, "--window", 21))
+    assert np.array_equal(found, two)
+    assert len(rows) == 2
+
+
+@pytest.mark.parametrize("flags", [[], ["--columns", "b"], ["--columns", "b,a"], ["--columns", "2,a", "--time", "t"]])
+def test_the_lines_read_tables(x, two, flags):
+    pa = pytest.importorskip("pyarrow")
+    pq = pytest.importorskip("pyarrow.parquet")
+    table = np.column_stack([np.arange(x.size) * 0.02, two])
+    chosen = {"": [0, 1, 2], "b": [2], "b,a": [2, 1], "2,a": [2, 1]}[flags[1] if flags else ""]
+    expected = table[:, chosen[0]] if len(chosen) == 1 else table[:, chosen]
+    Path("x.csv").write_text(
+        '\ufeff"t";"a#";b\n' + "\n".join(";".join(map(repr, row)) for row in table.tolist()), encoding="utf-8"
+    )
+    named = [one.replace("a", "a#") for one in flags]
+    assert np.array_equal(samples_of(made("x.csv", "--window", 21, *named))[0], expected)
+    np.savetxt("bare.csv", table, "%.17g", "\t")
+    if not any(letter in "".join(flags) for letter in "abt"):
+        assert np.array_equal(samples_of(made("bare.csv", "--window", 21))[0], expected)
+    pq.write_table(pa.table(dict(zip("tab", table.T, strict=True))), "x.parquet")
+    assert np.array_equal(samples_of(made("x.parquet", "--window", 21, *flags))[0], expected)
+
+
+def test_the_lines_read_dates_and_whole_numbers(x):
+    pa = pytest.importorskip("pyarrow")
+    pq = pytest.importorskip("pyarrow.parquet")
+    days = np.datetime64("2024-01-01") + np.arange(x.size)
+    Path("x.csv").write_text("day,a\n" + "\n".join(f"{day},{one!r}" for day, one in zip(days, x.tolist(), strict=True)))
+    assert np.array_equal(samples_of(made("x.csv", "--window", 21, "--time", "day"))[0], x)
+    counts = pa.array([int(100 * one) for one in x.tolist()])
+    pq.write_table(pa.table({"a.b": counts, "c": counts.cast(pa.decimal128(24, 2))}), "x.parquet")
+    expected = np.repeat(np.array(counts, float)[:, None], 2, 1)
+    assert np.array_equal(samples_of(made("x.parquet", "--window", 21))[0], expected)
+
+
+def test_the_lines_read_stores(x, two):
+    h5py, zarr = pytest.importorskip("h5py"), pytest.importorskip("zarr")
+    with h5py.File("x.h5", "w") as file:
+        file["a/it's"] = two.T.astype(np.float32)
+        file["b"] = x
+    zarr.create_array("x.zarr", data=x, chunks=50)
+    zarr.open_group("g.zarr", mode="w").create_array("a/b", data=two.T, chunks=(1, 50))
+    assert np.array_equal(samples_of(made("x.h5:/a/it's", "--window", 21))[0], two.T.astype(np.float32))
+    assert np.array_equal(samples_of(made("x.h5:b", "--window", 21))[0], x)
+    assert np.array_equal(samples_of(made("x.zarr", "--window", 21))[0], x)
+    assert np.array_equal(samples_of(made("g.zarr", "--window", 21))[0], two.T)
+    assert np.array_equal(samples_of(made("g.zarr:a/b", "--window", 21))[0], two.T)
+
+
+def test_the_lines_read_sound_and_raw_numbers(two):
+    sound = pytest.importorskip("soundfile")
+    sound.write("x.wav", 0.5 * two, 8000, subtype="PCM_16")
+    held = sound.read("x.wav")[0]
+    assert np.array_equal(samples_of(made("x.wav", "--window", 21))[0], held)
+    assert np.array_equal(samples_of(made("x.wav", "--window", 21, "--columns", "1"))[0], held[:, 1])
+    Path("x.bin").write_bytes(b"head" + (100 * two).astype(">i2").tobytes())
+    how = ("--dtype", ">i2", "--offset", 4)
+    assert np.array_equal(samples_of(made("x.bin", "--window", 21, "--channels", 2, *how))[0], np.trunc(100 * two))
+    assert np.array_equal(samples_of(made("x.bin", "--window", 21, *how))[0], np.trunc(100 * two).ravel())
+
+
+def test_the_lines_read_what_is_shown_of_a_long_recording(x, two, monkeypatch):
+    monkeypatch.setattr(_cli_report, "NUMBERS", 100)
+    np.save("x.npy", x.astype(np.float32))
+    np.savetxt("x.csv", two, "%.17g", ",")
+    pytest.importorskip("h5py").File("x.h5", "w").create_dataset("x", data=x).file.close()
+    shown = slice(50, 150)
+    assert np.array_equal(samples_of(made("x.npy", "--window", 21))[0], x[shown].astype(np.float32))
+    assert np.array_equal(samples_of(made("x.h5", "--window", 21))[0], x[shown])
+    assert np.array_equal(samples_of(made("x.csv", "--window", 21))[0], two[75:125])
+    monkeypatch.setattr(_cli_report, "NUMBERS", 1 << 21)
+    many = np.random.default_rng(0).normal(size=(300, 11)).cumsum(axis=0)
+    np.save("many.npy", many)
+    assert np.array_equal(samples_of(made("many.npy", "--axis", 0, "--window", 21))[0], many[:, :8])
+
+
+def test_a_window_longer_than_what_is_shown(x, monkeypatch, capsys):
+    monkeypatch.setattr(_cli_report, "NUMBERS", 100)
+    np.save("x.npy", x)
+    assert report("x.npy", "--window", 101) == 1
+    said = "x.npy: the page shows 100 samples, fewer than the window, 101: give a shorter one"
+    assert error_line(capsys) == said
+    np.save("two.npy", np.stack([x, x]))
+    assert report("two.npy", "--window", 51) == 1
+    assert error_line(capsys).endswith("fewer than the window, 51: give a shorter one, or fewer --columns")
+
+
+def test_the_summary_of_a_design_is_computed_once(design, monkeypatch):
+    calls = []
+    right = of_design.report.summary
+    monkeypatch.setattr(of_design.report, "summary", lambda one: calls.append(one) or right(one))
+    made("d.json")
+    assert calls == [design]
+
+
+def test_infinite_samples_are_not_missing(x):
+    x[50], x[90:92] = np.inf, np.nan
+    np.save("x.npy", x)
+    for flags, missing in (([], True), (["--nan-policy", "omit"], False)):
+        page = made("x.npy", "--window", 21, *flags)
+        assert (value(page, "missing"), value(page, "infinite")) == ("2", "1")
+        assert "1 sample is infinite; no policy omits them" in page
+        assert ("2 samples are missing" in page) == missing
+    np.save("x.npy", np.where(np.isinf(x), 0, x))
+    assert "infinite; no policy" not in made("x.npy", "--window", 21)
+
+
+def test_a_column_without_a_finite_sample(x):
+    table = np.column_stack([0.02 * np.arange(x.size), x, np.full(x.size, np.nan)])
+    np.savetxt("x.csv", table, delimiter=",", header="t,x,allnan", comments="")
+    for flags in ([], ["--window", "21"], ["--window", "21", "--nan-policy", "omit"]):
+        page = made("x.csv", "--time", "t", *flags)
+        assert Reader(page).headings[1:3] == ["x", "allnan"]
+        assert "allnan: no sample is finite" in page
+        assert "omit fits" not in page
+        assert value(page, "without", 1) == "200"
+    assert report("x.csv", "--time", "t", "--window", "21", "--nan-policy", "raise", "--overwrite") == 1
+
+
+def test_a_constant_is_called_one():
+    np.save("x.npy", np.full(300, 3.0))
+    for flags in ([], ["--window", 21]):
+        page = made("x.npy", *flags)
+        assert "Constant: every finite sample is 3." in page
+        assert "Signal: constant" in page
+        titles = [re.findall("<title>(.*?)</title>", one)[0] for one in charts(page)]
+        assert not {"Spectrum", "What is left", "Expected error of every candidate"} & {*titles}
+        for word in ("coloured", "Why this window", "expected error"):
+            assert word not in page
+    np.save("x.npy", np.stack([np.full(300, 3.0), np.random.default_rng(0).normal(size=300).cumsum()]))
+    page = made("x.npy")
+    assert "channel 0: constant" in page
+    assert "Expected error of every candidate" in page
+    assert "<title>Spectrum</title>" in page
+
+
+def test_a_level_that_is_given_is_that_of_the_band(x):
+    np.save("x.npy", x)
+    page = made("x.npy", "--sigma", "0.5")
+    assert value(page, "noise_level") == "0.5"
+    assert "noise level, given" in page
+    python = code(page)[0]
+    names: dict[str, object] = {}
+    exec(python, names)  # noqa: S102
+    assert "sigma=0.5" in python
+    assert value(page, "std") == f"{np.median(names['std']):.6g}"
+    assert "noise level, found" in made("x.npy", "--window", 21)
+
+
+def test_commands_of_names_that_look_like_options(x):
+    np.save("-dash.npy", x)
+    assert report("--window", "21", "--", "-dash.npy") == 0
+    for line in code(Path("report.html").read_text("utf-8"))[1]:
+        assert main([*shlex.split(line)[1:], "--overwrite"]) == 0
+    np.savetxt("x.csv", x, header="-a", comments="")
+    for line in code(made("x.csv", "--window", "21", "--columns=-a"))[1]:
+        assert main([*shlex.split(line)[1:], "--overwrite"]) == 0
+
+
+def test_one_unit_in_charts_and_tables(x):
+    np.savetxt("x.csv", x, header="a name " * 30, comments="")
+    page = made("x.csv", "--window", 21)
+    derivative = next(one for one in charts(page) if "<title>Derivative of order 1</title>" in one)
+    assert "signal per sample" in derivative
+    assert "a name" not in derivative
+    assert "<td>signal per sample</td>" in page
+    signal = next(one for one in charts(page) if "<title>Signal</title>" in one)
+    assert "a name " * 7 not in signal
+    assert len(Reader(page).headings[1]) == of_recording.HEADING - 1
+    assert "\N{HORIZONTAL ELLIPSIS}" in signal
+
+
+def test_without_a_step_nothing_is_said_twice(x):
+    np.save("x.npy", x)
+    page = made("x.npy", "--window", 21)
+    assert "in a window of 21 samples. " in page
+    assert 'data-name="delay_samples"' not in page
+    assert "in a window of 21 samples (0.21 s). " in made("x.npy", "--window", 21, "--fs", 100)
+
+
 def test_missing_samples_are_counted_and_said(x):
     x[50:55] = np.nan
     np.save("x.npy", x)
@@ -279,6 +486,14 @@ def test_complex_samples_are_two_rows():
     parts = [f"{part} part of channel {row}" for row in (0, 1) for part in ("real", "imaginary")]
     assert Reader(page).headings[1:5] == parts
     assert value(page, "largest", 3) == f"{algdiff.differentiate(2 * z.imag, 21).max():.6g}"
+    np.save("z.npy", np.stack([z, 2 * z], 1).astype(np.complex64))
+    page = made("z.npy", "--axis", 0, "--window", 21)
+    names: dict[str, object] = {}
+    exec(code(page)[0], names)  # noqa: S102
+    std = np.asarray(names["std"])
+    assert std.shape == (2, 300, 2)
+    for place, (row, part) in enumerate([(0, 0), (0, 1), (1, 0), (1, 1)]):
+        assert value(page, "std", place) == f"{np.median(std[part, :, row]):.6g}"
 
 
 def test_formats_and_the_step_that_they_state(x):
@@ -347,6 +562,12 @@ def test_names_that_are_no_text(x):
         pytest.skip("no such names here")
     page = made(name, "--window", 21)
     assert Reader(page).headings[0] == "bad\ufffd\ufffd[31m\nname.npy"
+    python, shell = code(page)
+    assert all("report NAME --" in line or "run NAME OUT" in line for line in shell)
+    assert all(line.endswith("  # NAME: what cannot be printed here") for line in shell)
+    names: dict[str, object] = {}
+    exec(python, names)  # noqa: S102
+    assert np.array_equal(np.asarray(names["x"]), x)
     assert "\x1b" not in page
 
 
@@ -387,7 +608,7 @@ def test_nothing_is_left_of_a_failure(x, capsys, monkeypatch, place, fault):
         (["x.npy", "-o", "no/x.html"], 1, "no/x.html: its folder does not exist"),
         (["none.npy"], 1, "none.npy: No such file or directory"),
         (["none.json"], 1, "none.json: No such file or directory"),
-        (["x.foo"], 2, "IN: the suffix of x.foo must be "),
+        (["x.foo"], 2, "IN: the suffix of x.foo must be .npy, .npz, "),
         (["x.npy", "--tau", "root"], 2, "--tau is for a --window, got --auto"),
         (["x.npy", "--window", "21", "--sigma", "1"], 2, "--sigma is for --auto, got --window"),
         (["x.npy", "--window", "21", "--auto"], 2, ""),
@@ -401,7 +622,18 @@ def test_nothing_is_left_of_a_failure(x, capsys, monkeypatch, place, fault):
         (["x.csv", "--time", "t", "--fs", "3"], 2, "give --time, --delta or --fs: got --time and another"),
         (["gap.npy", "--window", "21", "--nan-policy", "raise"], 1, "gap.npy must hold no missing samples"),
         (["scalar.npy"], 1, "scalar.npy: must hold samples, got a single number"),
-        (["empty.npy", "--window", "21"], 1, "empty.npy: must hold "),
+        (["empty.npy", "--window", "21"], 1, "empty.npy: must hold samples, got shape (0, 100)"),
+        (["emptyc.npy", "--window", "21"], 1, "emptyc.npy: must hold samples, got shape (100, 0)"),
+        (
+            ["tall.npy"],
+            1,
+            "tall.npy must have at least 6 samples to choose a window, got 2: along --axis 0 there are 200",
+        ),
+        (
+            ["tall.npy", "--window", "5"],
+            1,
+            "tall.npy: must hold as many samples as the window, 5, got 2: along --axis 0",
+        ),
         (["d.json", "--window", "21"], 2, "--window is for a recording, got the design d.json"),
         (["d.json", "--auto"], 2, "--auto is for a recording, got the design d.json"),
         (["cut.json"], 1, "cut.json: must hold JSON, as algdiff design --json prints it"),
@@ -419,6 +651,8 @@ def test_refusals(x, capsys, arguments, code, said):
     np.save("gap.npy", np.where(np.arange(x.size) == 50, np.nan, x))
     np.save("scalar.npy", np.float64(3))
     np.save("empty.npy", np.empty((0, 100)))
+    np.save("emptyc.npy", np.empty((100, 0)))
+    np.save("tall.npy", np.stack([x, x], 1))
     np.savetxt("x.csv", np.stack([np.arange(x.size), x], 1), delimiter=",", header="t,x", comments="")
     found = json.loads(Path("d.json").read_text())
     Path("cut.json").write_text("[1")
@@ -432,6 +666,11 @@ def test_refusals(x, capsys, arguments, code, said):
     assert f"algdiff: error: {said}" in err if said else "not allowed with" in err
     assert not Path("report.html").exists()
     assert leftovers(Path()) == []
+
+
+def test_a_design_is_among_what_can_be_given(capsys):
+    assert report("x.foo") == 2
+    assert ".wav, .flac or .json, got '.foo'" in error_line(capsys)
 
 
 def test_designs_come_back_whatever_they_are(capsys):

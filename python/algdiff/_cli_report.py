@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from algdiff import Differentiator, Suggestion
     from algdiff._arguments import Samples
     from algdiff._formats.base import Options, Source
+    from algdiff._pages.loading import Loading
     from algdiff._pages.report import Report
 
 NUMBERS = 1 << 21
@@ -130,6 +131,12 @@ class _Read(NamedTuple):
         The sampling step, if it is known.
     lead, left : str
         What was read; what was not, or "".
+    python : Loading
+        How they are had in Python.
+    hint : str
+        What to do if they are too few, or "".
+    whole : int
+        How many samples there are, shown or not.
     """
 
     names: tuple[str, ...]
@@ -138,35 +145,58 @@ class _Read(NamedTuple):
     step: float | None
     lead: str
     left: str
+    python: Loading
+    hint: str
+    whole: int
 
 
 def _of_recording(options: argparse.Namespace) -> Report:
     """Return the report of a recording."""
     from algdiff import __version__
+    from algdiff._pages.advice import advice
+    from algdiff._pages.loading import check_samples
     from algdiff._pages.of_recording import column
     from algdiff._pages.report import Report
 
     options.auto = options.window is None
     how, step, place = _checked(options)
     with formats.open_source(place, replace(how, memory=options.memory)) as source:
-        if not source.shape:
-            raise ValueError(f"{options.source}: must hold samples, got a single number")
+        check_samples(source, options.source)
         read, chosen_from = _read(source, options, step)
-    design, suggestion = _designed(options, read.step, chosen_from)
-    if read.x.shape[-1] < design.window_length:
-        raise ValueError(
-            f"{options.source}: must hold as many samples as the window, {design.window_length}, got {read.x.shape[-1]}"
-        )
+    try:
+        design, suggestion = _designed(options, read.step, chosen_from)
+    except ValueError as error:
+        said = str(error)
+        if "samples to choose" not in said:
+            raise
+        raise ValueError(said + read.hint) from None
+    _check_length(read, design, options)
     call = {"nan_policy": options.nan_policy}
     try:
-        columns = [column(name, row, read.first, design, call) for name, row in zip(read.names, read.x, strict=True)]
+        columns = [
+            column(name, row, read.first, design, call, options.sigma)
+            for name, row in zip(read.names, read.x, strict=True)
+        ]
     except ValueError as error:
         raise ValueError(re.sub(r"^x\b", lambda _: options.source, str(error))) from None
     name = place.path.name + (f":{place.inner}" if place.inner else "")
     shell = f"{again.command(options)}\n{again.run_command(options, design)}"
-    python = again.python_line(place, design, options)
-    advice = _advice(options, read, suggestion)
-    return Report(name, __version__, design, python, shell, advice, columns, suggestion, read.lead)
+    python = again.python_line(read.python, design, options)
+    warned = [read.left] if read.left else []
+    warned += advice(options, columns, suggestion, known=read.step is not None)
+    return Report(name, __version__, design, python, shell, warned, columns, suggestion, read.lead)
+
+
+def _check_length(read: _Read, design: Differentiator, options: argparse.Namespace) -> None:
+    """Raise ValueError if a window holds more samples than are shown."""
+    shown, window = read.x.shape[-1], design.window_length
+    if read.whole < window:
+        raise ValueError(f"{options.source}: must hold as many samples as the window, {window}, got {shown}{read.hint}")
+    if shown < window:
+        raise ValueError(
+            f"{options.source}: the page shows {shown} samples, fewer than the window, {window}: "
+            f"give a shorter one{'' if len(read.names) == 1 else ', or fewer --columns'}"
+        )
 
 
 def _designed(
@@ -188,27 +218,6 @@ def _designed(
         raise UsageError(error) from None
 
 
-def _advice(options: argparse.Namespace, read: _Read, suggestion: Suggestion | None) -> list[str]:
-    """Return what the user should know of the recording."""
-    import numpy as np
-
-    missing = int((~np.isfinite(read.x)).sum())
-    advice = [read.left] if read.left else []
-    if read.step is None:
-        advice.append("The step is neither in the file nor given: times are in samples. --fs or --delta says it.")
-    if missing and options.nan_policy == "propagate":
-        advice.append(
-            f"{missing} samples are missing, and windows that hold one give no estimate; "
-            "--nan-policy omit fits the samples that are there."
-        )
-    if suggestion is not None and (suggestion.correlation or suggestion.colour > 1 or suggestion.quantum):
-        advice.append(
-            "The noise is coloured, or the samples are rounded: the error band, which takes noise for white and of the "
-            "level found from sample to sample, may be too narrow. The expected error counts it."
-        )
-    return advice
-
-
 def _checked(options: argparse.Namespace) -> tuple[Options, float | None, formats.Located]:
     """Return how to read, the step that is given, and what; raise UsageError for what cannot be meant."""
     from algdiff import _arguments as arguments
@@ -225,7 +234,10 @@ def _checked(options: argparse.Namespace) -> tuple[Options, float | None, format
         given = (options.delta, options.fs) != (None, None)
         step = arguments.sampling_step(options.delta, options.fs) if given else None
     except (ValueError, TypeError) as error:
-        raise UsageError(error) from None
+        # A design has a page, too.
+        raise UsageError(
+            re.sub(r"^(src: the suffix of .*) or (\.\w+), got", r"\1, \2 or .json, got", str(error))
+        ) from None
     if given and how.time is not None:
         raise UsageError("give --time, --delta or --fs: got --time and another")
     return how, step, place
@@ -234,6 +246,8 @@ def _checked(options: argparse.Namespace) -> tuple[Options, float | None, format
 def _read(source: Source, options: argparse.Namespace, step: float | None) -> tuple[_Read, Samples]:
     """Return what is shown, and what a window is chosen from."""
     import numpy as np
+
+    from algdiff._pages.loading import hint, loading
 
     chosen = _cli_auto.Stretch.of(source, options.axis)
     samples, channels = chosen.shape[chosen.axis], chosen.channels
@@ -246,7 +260,8 @@ def _read(source: Source, options: argparse.Namespace, step: float | None) -> tu
     shown = chosen._replace(start=start, stop=start + length, rows=rows)
     x = shown.read(source)
     # What holds one signal may have a name for it.
-    alone = options.key or formats.located("src", options.source).inner or "Signal"
+    place = formats.located("src", options.source)
+    alone = options.key or place.inner or "Signal"
     names = source.names or tuple(f"channel {', '.join(map(str, row))}" if row else alone for row in rows)
     names = tuple(name.strip("/") or "Signal" for name in names[:count])
     known = source.step_along(chosen.axis) if step is None else step
@@ -260,5 +275,6 @@ def _read(source: Source, options: argparse.Namespace, step: float | None) -> tu
     if parts == 2:
         names = tuple(f"{part} of {name}" for name in names for part in ("real part", "imaginary part"))
         x = np.stack([x.real, x.imag], axis=1).reshape(-1, length)
-    read = _Read(names, x.astype(np.float64), start, known, lead, " ".join(left))
+    python = loading(place, source, shown)
+    read = _Read(names, x.astype(np.float64), start, known, lead, " ".join(left), python, hint(chosen), samples)
     return read, chosen.read(source) if options.auto else x

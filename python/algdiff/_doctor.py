@@ -25,7 +25,7 @@ from algdiff._refusals import LONGEST, listed
 
 FORM = 1
 """Version of the form of the findings."""
-PATIENCE = 60.0
+PATIENCE = 20.0
 """Seconds that the import of a part, or the word of a compiler, may take."""
 TOLERANCE = 1e-10
 """Error of the self-test that is none: some hundred times its rounding, and far below any defect."""
@@ -70,12 +70,13 @@ def examine(importing: bool = False) -> dict[str, Any]:
     """Return the findings as JSON can hold them; `importing` imports every optional part that there is."""
     problems: list[str] = []
     notes: list[str] = []
+    late: list[str] | None = [] if importing else None
     findings: dict[str, Any] = {
         "form": FORM,
         "versions": _versions(problems),
         "cpu": _cpu(problems),
         "threads": _threads(problems),
-        "parts": [_part(part, importing, problems) for part in PARTS],
+        "parts": [_part(part, late, problems) for part in PARTS],
         "compiler": _compiler(),
         "self_test": _self_test(problems),
     }
@@ -170,8 +171,8 @@ def _threads(problems: list[str]) -> dict[str, int | str | None]:
     }
 
 
-def _part(part: Part, importing: bool, problems: list[str]) -> dict[str, str | bool | None]:
-    """Look for an optional part; that it is absent is no problem."""
+def _part(part: Part, late: list[str] | None, problems: list[str]) -> dict[str, str | bool | None]:
+    """Look for an optional part, and import it unless `late` is None; that it is absent is no problem."""
     found, version, error = False, None, None
     try:
         found = importlib.util.find_spec(part.module) is not None
@@ -181,8 +182,8 @@ def _part(part: Part, importing: bool, problems: list[str]) -> dict[str, str | b
         version, least = _version(part.distribution), _least(part.distribution)
         if _older(version, least):
             error = f"must be at least {least}, got {version}"
-        elif importing and error is None:
-            error = _imported(part.module)
+        elif late is not None and error is None:
+            error = _imported(part.module, late)
     if error is not None:
         problems.append(f"{part.module}: {error}: pip install --upgrade --force-reinstall {part.distribution}")
     return {
@@ -196,7 +197,8 @@ def _part(part: Part, importing: bool, problems: list[str]) -> dict[str, str | b
 
 
 IMPORT = """import sys
-sys.path[:] = sys.argv[2:]
+late, sys.path[:] = sys.argv[2].split(), sys.argv[3:]
+sys.modules.update(dict.fromkeys(late))
 try:
     __import__(sys.argv[1])
 except BaseException as error:
@@ -205,12 +207,17 @@ except BaseException as error:
 """
 
 
-def _imported(module: str) -> str | None:
-    """Return why a module cannot be imported, None if it can: in a process of its own, which it may take along."""
-    run = [sys.executable, "-c", IMPORT, module, *sys.path]
+def _imported(module: str, late: list[str]) -> str | None:
+    """Return why a module cannot be imported, None if it can: in a process of its own, which it may take along.
+
+    The modules in `late` did not come back: what needs them is told so, and does not wait for them again.
+    """
+    print(f"importing {module}", file=sys.stderr, flush=True)
+    run = [sys.executable, "-c", IMPORT, module, " ".join(late), *sys.path]
     try:
         done = subprocess.run(run, capture_output=True, text=True, timeout=PATIENCE, check=False)  # noqa: S603
     except subprocess.TimeoutExpired:
+        late.append(module)
         return f"cannot be imported (not within {PATIENCE:g} s)"
     if done.returncode == 0:
         return None

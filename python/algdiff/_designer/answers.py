@@ -6,7 +6,8 @@ import json
 import math
 import warnings
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -63,6 +64,10 @@ class Answers:
         """Return figures, charts and words about a design and about the data by it."""
         query = asked(given, self.recording)
         design, said = self._design(query)
+        with _telling(query):
+            return self._answered(query, design, said)
+
+    def _answered(self, query: Query, design: Differentiator, said: list[str]) -> dict[str, Any]:
         charts = self._design_charts(design, (query.width, HEIGHT))
         values = figures(design)
         shown = {name: _said(value, of_design.pretty(report.unit(name, design))) for name, value in values.items()}
@@ -110,9 +115,11 @@ class Answers:
 
     def export(self, kind: str, given: Mapping[str, str]) -> tuple[str, str, bytes]:
         """Return a file that keeps a design: its name, its type, its content."""
-        design, _ = self._design(asked(given, self.recording))
+        query = asked(given, self.recording)
+        design, _ = self._design(query)
         name, media, make = EXPORTS[kind]
-        return name, media, make(design).encode()
+        with _telling(query):
+            return name, media, make(design).encode()
 
     def _design(self, query: Query) -> tuple[Differentiator, list[str]]:
         """Return the design and what the library warns of, or raise RefusedError."""
@@ -137,6 +144,7 @@ class Answers:
         values = {
             "samples": column.x.size,
             "missing": self.recording.missing(query.column),
+            "infinite": self.recording.infinite(query.column),
             "noise_level": report._plain(column.sigma),
             "std": report._plain(column.sigma * math.sqrt(design.noise_gain)),
         }
@@ -155,6 +163,8 @@ class Answers:
         if x.size < design.weights.size:
             window = f"window_length must be at most the {x.size} samples of the data, got {design.weights.size}"
             raise RefusedError(window, "window")
+        if not np.isfinite(x).any():
+            raise RefusedError("x must hold samples that are finite, got none: choose another column", "data")
         key = ("column", index, design)
         found: of_recording.Column = self._remembered(key, lambda: self._differentiated(index, design))
         return found
@@ -185,6 +195,20 @@ class Answers:
                 del self._held[other]
         self._held.move_to_end(key)
         return self._held[key]
+
+
+@contextmanager
+def _telling(query: Query) -> Iterator[None]:
+    """Refuse a step of which the figures are out of range, though the design is not."""
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except OverflowError:
+        name, order = "fs" if "fs" in query.words else "delta", query.words["deriv"]
+        got = f"{query.words.get(name, 1.0):g}"
+        raise RefusedError(
+            f"{name} must be such that the figures of order {order} do not overflow or underflow, got {got}", "step"
+        ) from None
 
 
 class Data(NamedTuple):

@@ -117,7 +117,9 @@
     for (const [name, svg] of Object.entries(found.charts)) at(`chart-${name}`).innerHTML = svg;
     for (const output of document.querySelectorAll("[data-figure]")) {
       const name = output.dataset.figure;
-      output.textContent = found.shown[name] ?? "none";
+      const [value, unit] = (found.shown[name] ?? "none").split(/(?=cycles\/sample)/);
+      output.textContent = value;
+      if (unit) output.append(broken(unit));
       output.dataset.value = JSON.stringify(found.figures[name] ?? null);
     }
     for (const [name, said] of Object.entries(found.words)) at(`${name}-said`).textContent = said;
@@ -133,6 +135,13 @@
       put();
     }
     speak(found.shown);
+  };
+  const broken = (unit) => {
+    // A narrow box breaks before the unit, and a very narrow one behind its slash.
+    const span = Object.assign(document.createElement("span"), { className: "unit" });
+    const [first, ...rest] = unit.split(/(?<=\/)/);
+    span.append(first, document.createElement("wbr"), ...rest);
+    return span;
   };
   let speaking = 0;
   const speak = (said) => {

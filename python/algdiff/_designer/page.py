@@ -7,9 +7,10 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from algdiff._designer.answers import FIGURES
-from algdiff._designer.query import LONGEST
+from algdiff._designer.query import LONGEST, STEEPEST
 from algdiff._pages import of_design
 from algdiff._pages.document import page
+from algdiff._pages.of_recording import HEADING, shortened
 from algdiff._svg.chart import text
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ NAMES = {
     "engine": "engine",
     "samples": "samples",
     "missing": "missing samples",
+    "infinite": "infinite samples",
     "noise_level": "noise in the samples",
     "std": "output noise",
 }
@@ -32,7 +34,7 @@ FIRST = ("delay", "noise_gain", "cutoff", "half_power", "exactness", "std")
 TABLES = (
     ("In time", ("duration", "delay_samples", "moment_delay", "tau", "delta", "fs")),
     ("Error and frequency", ("bias_order", "bias_constant", "bias_bound", "norm1", "nyquist_attenuation", "roll_off")),
-    ("Weights and data", ("weight_count", "engine", "samples", "missing", "noise_level")),
+    ("Weights and data", ("weight_count", "engine", "samples", "missing", "infinite", "noise_level")),
 )
 CHARTS = {
     "signal": "Signal",
@@ -90,7 +92,10 @@ def document(recording: Recording, start: dict[str, Any], nonce: str) -> str:
 
 
 def _controls(recording: Recording, start: dict[str, Any]) -> str:
-    columns = "".join(f'<option value="{index}">{text(name)}</option>' for index, name in enumerate(recording.columns))
+    columns = "".join(
+        f'<option value="{index}">{text(shortened(name, HEADING))}</option>'
+        for index, name in enumerate(recording.columns)
+    )
     points = "".join(f'<option value="{word}">{text(said)}</option>' for word, said in POINTS.items())
     lone = " hidden" if len(recording.columns) == 1 else ""
     delay = (
@@ -105,8 +110,8 @@ def _controls(recording: Recording, start: dict[str, Any]) -> str:
         _control("window", "window in samples", start["window_length"], (0, 1, 1), said=True),
         _control("degree", "degree", start["degree"], (0, DEGREE, 1), said=True),
         delay,
-        _control("kappa", "kappa: taper at the oldest end", start["kappa"], (-0.9, 6, 0.1), "any"),
-        _control("mu", "mu: taper at the newest end", start["mu"], (-0.9, 6, 0.1), "any"),
+        _control("kappa", "kappa: taper at the oldest end", start["kappa"], (-0.9, 6, 0.1), "any", most=STEEPEST),
+        _control("mu", "mu: taper at the newest end", start["mu"], (-0.9, 6, 0.1), "any", most=STEEPEST),
     ]
     units = '<option value="fs">rate, Hz</option><option value="delta">step, s</option>'
     return "".join(
@@ -126,14 +131,22 @@ def _controls(recording: Recording, start: dict[str, Any]) -> str:
 
 
 def _control(
-    name: str, label: str, value: float, ends: tuple[float, float, float], step: str = "1", *, said: bool = False
+    name: str,
+    label: str,
+    value: float,
+    ends: tuple[float, float, float],
+    step: str = "1",
+    *,
+    said: bool = False,
+    most: float | None = None,
 ) -> str:
     """Return a number and its slider; what the number means stands at the right, if there is something to say."""
     low, high, stride = ends
+    top = "" if most is None else f' max="{most:g}"'
     output = f'<output id="{name}-said" for="{name}"></output>' if said else ""
     return (
         f'<div class="control"><div class="head"><label for="{name}">{text(label)}</label>{output}</div>'
-        f'<div class="row"><input type="number" id="{name}" value="{value:g}" step="{step}" '
+        f'<div class="row"><input type="number" id="{name}" value="{value:g}" step="{step}"{top} '
         f'aria-describedby="{name}-error"><input type="range" id="{name}-slider" min="{low}" max="{high}" '
         f'step="{stride}" value="{value:g}" aria-label="{text(label)}"></div>{_error(name)}</div>'
     )

@@ -13,6 +13,10 @@ LONGEST = 100_001
 """The longest window of the page, which is to answer within some seconds."""
 HIGHEST = 50
 """And the highest degree."""
+STEEPEST = 100
+"""The largest exponent of the weight: designs of larger ones take long, and are of no use."""
+WORK = 2_500_000
+"""Window times degree and order together, at most: what takes some three seconds."""
 WIDTHS = (280, 1600)
 """Charts are as wide as the page asks for, within these."""
 TAUS = ("center", "root", "newest")
@@ -80,12 +84,25 @@ def asked(given: Mapping[str, str], recording: Recording) -> Query:
     for name in ("kappa", "mu", "delay", "fs", "delta"):
         if name in given:
             words[name] = _real(given, name)
+    _check_work(given, words)
     if "tau" in given:
         words["tau"] = given["tau"] if given["tau"] in TAUS else _real(given, "tau")
     column = _integer(given, "column", 0, len(recording.columns) - 1, 0)
     start = _integer(given, "from", 0, recording.count - 1, 0)
     stop = _integer(given, "to", start + 1, recording.count, recording.count)
     return Query(words, column, start, stop, _integer(given, "width", *WIDTHS, 560))
+
+
+def _check_work(given: Mapping[str, str], words: Mapping[str, Any]) -> None:
+    """Raise RefusedError for what would take long."""
+    for name in ("kappa", "mu"):
+        if words.get(name, 0.0) > STEEPEST:
+            raise RefusedError(f"{name} must be at most {STEEPEST} on this page, got {_short(given[name])}", name)
+    deriv, degree, window = words["deriv"], words.get("degree", 0), words["window_length"]
+    most = WORK // max(deriv + degree, 1)
+    if window > most:
+        what = f"at order {deriv} and degree {degree} on this page"
+        raise RefusedError(f"window must be at most {most} {what}, got {window}", "window")
 
 
 def _integer(given: Mapping[str, str], name: str, least: int, most: int, default: int) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -55,7 +54,7 @@ class Recording:
     first: int = 0
     note: str = ""
     shown: int = 0
-    _known: dict[int, tuple[float, int]] = field(default_factory=dict)
+    _known: dict[int, tuple[float, int, int]] = field(default_factory=dict)
 
     @property
     def count(self) -> int:
@@ -70,10 +69,14 @@ class Recording:
         """Return how many samples of a column are missing."""
         return self._of(column)[1]
 
-    def _of(self, column: int) -> tuple[float, int]:
+    def infinite(self, column: int) -> int:
+        """Return how many are infinite."""
+        return self._of(column)[2]
+
+    def _of(self, column: int) -> tuple[float, int, int]:
         if column not in self._known:
             x = self.samples[column]
-            self._known[column] = float(noise_level(x)), int(np.isnan(x).sum())
+            self._known[column] = float(noise_level(x)), int(np.isnan(x).sum()), int(np.isinf(x).sum())
         return self._known[column]
 
 
@@ -95,11 +98,13 @@ def read(source: Source, name: str, axis: int | None = None, step: float | None 
         The array holds no samples.
     """
     from algdiff._cli_auto import Stretch
+    from algdiff._pages.loading import check_samples, hint
 
-    if not math.prod(source.shape):
-        raise ValueError(f"{name}: must hold samples, got shape {source.shape}")
+    check_samples(source, name)
     whole = Stretch.of(source, axis)
     samples, others = whole.shape[whole.axis], (*whole.shape[: whole.axis], *whole.shape[whole.axis + 1 :])
+    if samples < 2:
+        raise ValueError(f"{name}: must hold two samples or more, got {samples}{hint(whole)}")
     parts = 2 if source.dtype.kind == "c" else 1
     kept = min(whole.channels, COLUMNS // parts)
     rows = tuple(tuple(map(int, np.unravel_index(row, others))) for row in range(kept)) if others else ((),)

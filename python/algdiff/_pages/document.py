@@ -54,9 +54,11 @@ pre {{ background: var(--code); border: 1px solid var(--edge); border-radius: 8p
 .warnings ul {{ margin: 0; padding-left: 1.2em; }}
 .facts {{ display: grid; gap: 10px; margin: 14px 0;
   grid-template-columns: repeat(auto-fit, minmax(min(47%, 165px), 1fr)); }}
-.facts > div {{ background: var(--card); border: 1px solid var(--edge); border-radius: 10px; padding: 10px 14px; }}
+.facts > div {{ background: var(--card); border: 1px solid var(--edge); border-radius: 10px; padding: 10px 12px; }}
 .facts dt {{ color: var(--muted); font-size: 0.82rem; }}
-.facts dd {{ margin: 0; font-size: 1.2rem; font-weight: 600; font-variant-numeric: tabular-nums; line-height: 1.3; }}
+.unit {{ display: inline-block; }}
+.facts dd {{ margin: 0; font-size: 1.1rem; overflow-wrap: normal;
+  font-weight: 600; font-variant-numeric: tabular-nums; line-height: 1.3; }}
 :focus-visible {{ outline: 3px solid var(--accent); outline-offset: 2px; }}
 @media (max-width: 699px) {{
   .page {{ padding: 8px 8px 32px; }}

@@ -177,12 +177,12 @@ def delays(design: Differentiator, size: tuple[int, int] = SMALL) -> str:
     )
 
 
-def tables(design: Differentiator) -> str:
+def tables(design: Differentiator, values: report.Summary) -> str:
     """Return the summary as tables side by side: what it is, its value to six digits, its unit."""
-    values = report.summary(design)
+    twice = {"delay_samples"} if design.delta == 1 else {}
     parts = []
     for caption, names in GROUPS:
-        rows = "".join(_row(name, values[name], design) for name in names)
+        rows = "".join(_row(name, values[name], design) for name in names if name not in twice)
         parts.append(f'<div class="card scroll"><table><caption>{caption}</caption>{rows}</table></div>')
     return "".join(parts)
 
@@ -195,13 +195,18 @@ def _row(name: str, value: str | float | None, design: Differentiator) -> str:
 
 def facts(pairs: list[tuple[str, str]]) -> str:
     """Return the figures that are looked at first: names and values."""
-    boxes = "".join(f"<div><dt>{text(name)}</dt><dd>{text(value)}</dd></div>" for name, value in pairs)
+    # A narrow box breaks before the longest unit, and a very narrow one where that may be broken.
+    unit = '<span class="unit">cycles/<wbr>sample</span>'
+    boxes = "".join(
+        f"<div><dt>{text(name)}</dt><dd>{text(value).replace('cycles/sample', unit)}</dd></div>"
+        for name, value in pairs
+    )
     return f'<dl class="facts">{boxes}</dl>'
 
 
-def said(name: str, design: Differentiator) -> str:
+def said(name: str, design: Differentiator, values: report.Summary) -> str:
     """Return a quantity of the summary with its unit, to four digits."""
-    value = report.summary(design)[name]
+    value = values[name]
     if value is None:
         return "none"
     return f"{number(value)} {pretty(report.unit(name, design))}".strip()

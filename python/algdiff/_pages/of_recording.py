@@ -24,6 +24,8 @@ LEAST = 64
 """Samples of a spectrum, and of a close-up, at least."""
 DOTTED = 400
 """Samples that are drawn as dots, at most."""
+NAME, HEADING = 40, 120
+"""Characters of a name at an axis, and in a heading, at most."""
 BINS = 40
 """Bars of a histogram, from -4 to 4 standard deviations."""
 
@@ -38,9 +40,11 @@ class Column(NamedTuple):
     t, x : ndarray
         Times and samples.
     sigma : float
-        Level of the noise in the samples; NaN if there are too few.
+        Level of the noise in the samples; NaN if it is not known.
     smooth, estimate, std : ndarray
         The signal by the same window, the estimates, their standard deviations.
+    given : bool
+        Whether the level was given, not found.
     """
 
     name: str
@@ -50,11 +54,33 @@ class Column(NamedTuple):
     smooth: Floats
     estimate: Floats
     std: Floats
+    given: bool = False
 
     @property
     def label(self) -> str:
         """The name as it stands at an axis."""
-        return "signal" if self.name == "Signal" else self.name
+        return "signal" if self.name == "Signal" else shortened(self.name)
+
+    @property
+    def missing(self) -> int:
+        """How many samples are missing."""
+        return int(np.isnan(self.x).sum())
+
+    @property
+    def infinite(self) -> int:
+        """How many are infinite."""
+        return int(np.isinf(self.x).sum())
+
+    @property
+    def dead(self) -> bool:
+        """Whether no sample is finite."""
+        return not np.isfinite(self.x).any()
+
+    @property
+    def constant(self) -> float | None:
+        """What all finite samples are equal to, if they are; None of fewer than two."""
+        there = self.x[np.isfinite(self.x)]
+        return float(there[0]) if there.size > 1 and bool((there == there[0]).all()) else None
 
     @property
     def rest(self) -> Floats:
@@ -63,19 +89,31 @@ class Column(NamedTuple):
             return self.x - self.smooth
 
 
-def column(name: str, x: Floats, first: int, design: Differentiator, call: dict[str, Any]) -> Column:
-    """Differentiate samples, the first of which is the `first` of its recording."""
+def shortened(name: str, most: int = NAME) -> str:
+    """Return a name of at most so many characters: the middle of a longer one is left out."""
+    half = (most - 1) // 2
+    return name if len(name) <= most else f"{name[:half]}\N{HORIZONTAL ELLIPSIS}{name[-half:]}"
+
+
+def column(
+    name: str, x: Floats, first: int, design: Differentiator, call: dict[str, Any], sigma: float | None = None
+) -> Column:
+    """Differentiate samples, the first of which is the `first` of its recording; find the noise if it is not given."""
     from algdiff import noise_level
 
     t = design.delta * np.arange(first, first + x.size, dtype=np.float64)
-    sigma = float(noise_level(x))
+    given = sigma is not None
+    sigma = float(noise_level(x)) if sigma is None else sigma
+    if not np.isfinite(x).any() and call.get("nan_policy") != "raise":
+        nothing = np.full(x.size, np.nan)
+        return Column(name, t, x, sigma, nothing, nothing, nothing, given)
     known = sigma if math.isfinite(sigma) else 0.0
     with np.errstate(all="ignore"):
         estimate, std = _estimated(x, known, design, call)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the design itself has warned
             smoother = design.replace(deriv=0, degree=design.degree, tau=design.tau, rule="exact", trim=0.0)
-        return Column(name, t, x, sigma, smoother(x, **call), estimate, std)
+        return Column(name, t, x, sigma, smoother(x, **call), estimate, std, given)
 
 
 def _estimated(x: Floats, sigma: float, design: Differentiator, call: dict[str, Any]) -> tuple[Floats, Floats]:
@@ -117,7 +155,7 @@ def derivative(one: Column, design: Differentiator, size: tuple[int, int], part:
         ],
         title=order if part == slice(None) else f"The same stretch: {order[0].lower()}{order[1:]}",
         x_label=f"time, {report.time_units(design)[0]}",
-        y_label=f"{one.label}{per(design)}",
+        y_label=f"signal{per(design)}",
         size=size,
     )
 
@@ -126,6 +164,8 @@ def closeup(one: Column, design: Differentiator) -> slice | None:
     """Return the stretch, some windows long, where the samples lie farthest from the smoothed signal."""
     length = max(min(4 * design.window_length, DOTTED), LEAST)
     rest = np.nan_to_num(one.rest, posinf=0.0, neginf=0.0)
+    if one.constant is not None:
+        return None
     squares = (rest / max(float(np.abs(rest).max(initial=0.0)), 1e-300)) ** 2
     if squares.size < 3 * length or not squares.any():
         return None
@@ -140,7 +180,7 @@ def closeup(one: Column, design: Differentiator) -> slice | None:
 def histogram(one: Column, size: tuple[int, int]) -> str | None:
     """Return the distribution of what is left of the samples, beside that of normal noise of the level found."""
     rest = one.rest[np.isfinite(one.rest)]
-    if not rest.size or not one.sigma > 0:
+    if not rest.size or not one.sigma > 0 or one.constant is not None:
         return None
     edges = np.linspace(-4, 4, BINS + 1)
     shares = np.histogram(np.clip(rest / one.sigma, -4, 4), edges)[0] / (rest.size * (edges[1] - edges[0]))
@@ -162,7 +202,7 @@ def spectrum(one: Column, design: Differentiator, size: tuple[int, int]) -> str 
     length = 1 << int(math.log2(min(SEGMENT, max(one.x.size, 1))))
     while length >= LEAST and not (found := _segments(one.x, length)).size:
         length //= 2
-    if length < LEAST:
+    if length < LEAST or one.constant is not None:
         return None
     taper = 0.5 - 0.5 * np.cos(2 * math.pi * (np.arange(length) + 0.5) / length)
     power = np.zeros(length // 2)
@@ -175,14 +215,16 @@ def spectrum(one: Column, design: Differentiator, size: tuple[int, int]) -> str 
     curves = [Curve("samples", frequency, density, style=0)]
     if one.sigma > 0:
         level = one.sigma * math.sqrt(2 * design.delta)
-        curves.append(Curve("noise found", [frequency[0], frequency[-1]], [level, level], style=1))
+        curves.append(
+            Curve(f"noise {'given' if one.given else 'found'}", [frequency[0], frequency[-1]], [level, level], style=1)
+        )
     places = (("cutoff", design.cutoff, 3), ("\N{MINUS SIGN}3 dB", design.half_power, 4))
     unit = report.time_units(design)[1]
     return chart(
         curves,
         title="Spectrum",
         x_label=f"frequency, {unit}",
-        y_label=f"amplitude density, {one.label}/\N{SQUARE ROOT}" + (f"({unit})" if "/" in unit else unit),
+        y_label="amplitude density, signal/\N{SQUARE ROOT}" + (f"({unit})" if "/" in unit else unit),
         log_x=True,
         log_y=True,
         marks=[Mark(f"{name} {number(place)}", place, style) for name, place, style in places if place is not None],
@@ -232,8 +274,9 @@ def numbers(one: Column, design: Differentiator) -> list[tuple[str, str, float |
     least, largest = (float(estimate.min()), float(estimate.max())) if estimate.size else (math.nan, math.nan)
     found = [
         ("samples", "samples", one.x.size, ""),
-        ("missing", "missing samples", int((~np.isfinite(one.x)).sum()), ""),
-        ("noise_level", "noise level, found", one.sigma, "signal"),
+        ("missing", "missing samples", one.missing, ""),
+        ("infinite", "infinite samples", one.infinite, ""),
+        ("noise_level", f"noise level, {'given' if one.given else 'found'}", one.sigma, "signal"),
         ("rest", "root mean square of what is left", _rms(rest), "signal"),
         ("std", "standard deviation of the estimate", float(np.median(std)) if std.size else math.nan, unit),
         ("least", "least estimate", least, unit),

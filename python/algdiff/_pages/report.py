@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 from algdiff import _report as report
 from algdiff._pages import of_design, of_recording
 from algdiff._pages.document import page
-from algdiff._pages.of_design import number, said
+from algdiff._pages.of_design import number
 from algdiff._svg.chart import text
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ NARROW = (380, 290)
 """Sizes of charts: over the whole page, over half of it, on a phone."""
 
 Size = tuple[int, int]
+Part = Callable[[Size], "str | None"]
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,11 @@ class Report:
     suggestion: Suggestion | None = None
     lead: str = ""
 
+    @cached_property
+    def values(self) -> report.Summary:
+        """The summary of the design, which takes long for a long window."""
+        return report.summary(self.design)
+
     def html(self) -> str:
         """Return the page."""
         parts = [self.head(), *(self.section(one) for one in self.columns), self.about(), self.again()]
@@ -72,19 +79,18 @@ class Report:
     def head(self) -> str:
         """Return the title, what it is about, the figures that are looked at first, and the warnings."""
         design = self.design
-        window = f"{design.window_length} samples ({said('duration', design)})"
+        window = f"{design.window_length} samples"
+        window += "" if design.delta == 1 else f" ({self.said('duration')})"
         what = f"Derivative of order {design.deriv}" if design.deriv else "Smoothing"
         chosen = ", chosen from the data" if self.suggestion else ""
         lead = f"{what} by a polynomial of degree {design.degree} in a window of {window}{chosen}. {self.lead}"
         pairs = [
-            ("delay", said("delay", design)),
-            ("noise gain", said("noise_gain", design)),
-            ("cutoff", said("cutoff", design)),
-            (of_design.NAMES["half_power"], said("half_power", design)),
-            (of_design.NAMES["exactness"], said("exactness", design)),
+            ("delay", self.said("delay")),
+            ("noise gain", self.said("noise_gain")),
+            *((of_design.NAMES[name], self.said(name)) for name in ("cutoff", "half_power", "exactness")),
         ]
-        if self.suggestion:
-            error = f"{number(self.suggestion.rmse)} signal{of_recording.per(design)}"
+        if self.choice:
+            error = f"{number(self.choice.rmse)} signal{of_recording.per(design)}"
             pairs.insert(0, ("expected error", error))
         listed = "".join(f"<li>{text(warning)}</li>" for warning in self.warnings)
         return (
@@ -93,14 +99,39 @@ class Report:
             + (f'\n<section class="warnings" aria-label="Warnings"><ul>{listed}</ul></section>' if listed else "")
         )
 
+    @property
+    def choice(self) -> Suggestion | None:
+        """How the design was chosen, unless every window would have done for constant samples."""
+        alive = [one for one in self.columns if not one.dead]
+        return None if alive and all(one.constant is not None for one in alive) else self.suggestion
+
+    def said(self, name: str) -> str:
+        """Return a quantity of the design with its unit."""
+        return of_design.said(name, self.design, self.values)
+
     def section(self, one: Column) -> str:
         """Return what was done to one row of samples."""
+        heading = f"<h2>{text(of_recording.shortened(one.name, of_recording.HEADING))}</h2>"
+        if one.dead:
+            return f"<section>{heading}\n<p>No sample is finite: nothing is drawn.</p>\n{self.numbers(one)}</section>"
+        if one.constant is not None:
+            heading += f"\n<p>Constant: every finite sample is {one.constant:.6g}.</p>"
+        whole, parts = self.drawn(one)
+        halves = "".join(figure(part, HALF) for part in parts)
+        return (
+            f'<section>{heading}\n<div class="grid">{"".join(figure(part, WIDE) for part in whole)}</div>\n'
+            + (f'<div class="grid pair more">{halves}</div>\n' if halves else "")
+            + f"{self.numbers(one)}</section>"
+        )
+
+    def drawn(self, one: Column) -> tuple[list[Part], list[Part]]:
+        """Return the charts of a row over the whole page, and those over half of it."""
         design = self.design
-        whole: list[Callable[[Size], str | None]] = [
+        whole: list[Part] = [
             lambda size: of_recording.signal(one, design, size),
             lambda size: of_recording.derivative(one, design, size),
         ]
-        parts: list[Callable[[Size], str | None]] = [
+        parts: list[Part] = [
             lambda size: of_recording.histogram(one, size),
             lambda size: of_recording.spectrum(one, design, size),
         ]
@@ -111,11 +142,7 @@ class Report:
                 lambda size: of_recording.signal(one, design, size, near),
                 lambda size: of_recording.derivative(one, design, size, near),
             ]
-        halves = "".join(figure(part, HALF) for part in parts)
-        return (
-            f'<section><h2>{text(one.name)}</h2>\n<div class="grid">{"".join(figure(part, WIDE) for part in whole)}'
-            f'</div>\n<div class="grid pair more">{halves}</div>\n{self.numbers(one)}</section>'
-        )
+        return whole, parts
 
     def numbers(self, one: Column) -> str:
         """Return the numbers of a row of samples."""
@@ -132,7 +159,7 @@ class Report:
 
     def about(self) -> str:
         """Return what the design does, and why it was chosen."""
-        design, suggestion = self.design, self.suggestion
+        design, suggestion = self.design, self.choice
         makers = (of_design.weights, of_design.step, of_design.response, of_design.delays)
         halves = [figure(lambda size, make=make: make(design, size), HALF) for make in makers]  # type: ignore[misc]
         if suggestion is not None:
@@ -141,7 +168,7 @@ class Report:
             halves.append(f'<div class="card"><h3>Why this window</h3>{why}</div>')
         return (
             f'<section><h2>The design</h2>\n<div class="grid pair">{"".join(halves)}</div>\n'
-            f'<div class="grid more">{of_design.tables(design)}</div></section>'
+            f'<div class="grid more">{of_design.tables(design, self.values)}</div></section>'
         )
 
     def again(self) -> str:
@@ -152,7 +179,7 @@ class Report:
         )
 
 
-def figure(make: Callable[[Size], str | None], size: Size) -> str:
+def figure(make: Part, size: Size) -> str:
     """Return a chart in two sizes, of which a page shows the one that fits it; nothing if there is none."""
     wide, narrow = make(size), make(NARROW)
     if wide is None or narrow is None:
