@@ -27,7 +27,7 @@ def finite_rows(x: Samples, axis: int) -> Floats:
 
     Of a long recording they are a stretch in its middle.
 
-    Where samples are missing, the rows hold the longest run of samples without a gap in any of them. Rows without a single
+    Where samples are missing, the rows hold the longest run of samples without a gap in any of them. Rows without a
     finite sample have no say.
     """
     turned = np.moveaxis(x, axis, -1)
