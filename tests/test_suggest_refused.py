@@ -94,7 +94,7 @@ def test_refusals(words: dict[str, Any], error: type[Exception], message: str) -
         ([[1.0, 2.0], [1.0]], ValueError, "x must be an array of numbers"),
         (np.full(600, NAN), ValueError, "x must hold samples that are finite, got none"),
         (np.where(np.arange(600) % 6, X, NAN), ValueError, "x must have 6 finite samples in a row .*, got 5"),
-        (np.stack([X, np.full(600, NAN)]), ValueError, "x must hold samples that are finite, got none"),
+        (np.stack([np.full(600, NAN)] * 2), ValueError, "x must hold samples that are finite, got none"),
         (np.ma.MaskedArray(X, True), ValueError, "x must hold samples that are finite, got none"),
     ],
 )
