@@ -30,7 +30,7 @@ from algdiff._designer import recording as recordings
 from algdiff._designer.query import HIGHEST, LONGEST, STEEPEST, WORK, RefusedError
 from algdiff._designer.recording import Recording, thinned
 from algdiff._designer.server import FIELDS, HEADERS, TARGET, Server
-from algdiff._pages import of_design
+from algdiff._pages import loading, of_design
 from cli import process
 
 STEP = 0.002
@@ -469,7 +469,7 @@ def test_files_are_read_by_column(tmp_path: Path) -> None:
 def test_of_a_long_file_a_stretch_in_the_middle_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     x = np.arange(3000.0).reshape(3, 1000)
     np.save(tmp_path / "x.npy", x)
-    monkeypatch.setattr(recordings, "NUMBERS", 200)
+    monkeypatch.setattr(loading, "NUMBERS", 200)
     monkeypatch.setattr(recordings, "COLUMNS", 2)
     found = opened(tmp_path / "x.npy")
     assert (found.first, found.count, found.columns) == (450, 100, ("0", "1"))

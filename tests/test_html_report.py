@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 
 import algdiff
-from algdiff import _cli_report, _output
+from algdiff import _output
 from algdiff._cli import main
-from algdiff._pages import of_design, of_recording
+from algdiff._pages import loading, of_design, of_recording
 from algdiff._pages.report import Report
-from algdiff._report import _shown
+from algdiff._report import shown
 from cli import error_line, leftovers
 
 N = 200
@@ -126,7 +126,7 @@ def design(capsys: pytest.CaptureFixture[str]) -> algdiff.Differentiator:
 def test_a_design(design):
     page = made("d.json")
     for name, expected in design.summary().items():
-        assert value(page, name) == _shown(expected)
+        assert value(page, name) == shown(expected)
     titles = ["Weights", "Response to a unit step", "Frequency response", "What a shorter delay costs"]
     assert [re.findall("<title>(.*?)</title>", one)[0] for one in charts(page)[::2]] == titles
     python, shell = code(page)
@@ -299,7 +299,7 @@ def test_the_lines_read_sound_and_raw_numbers(two):
 
 
 def test_the_lines_read_what_is_shown_of_a_long_recording(x, two, monkeypatch):
-    monkeypatch.setattr(_cli_report, "NUMBERS", 100)
+    monkeypatch.setattr(loading, "NUMBERS", 100)
     np.save("x.npy", x.astype(np.float32))
     np.savetxt("x.csv", two, "%.17g", ",")
     pytest.importorskip("h5py").File("x.h5", "w").create_dataset("x", data=x).file.close()
@@ -307,14 +307,14 @@ def test_the_lines_read_what_is_shown_of_a_long_recording(x, two, monkeypatch):
     assert np.array_equal(samples_of(made("x.npy", "--window", 21))[0], x[shown].astype(np.float32))
     assert np.array_equal(samples_of(made("x.h5", "--window", 21))[0], x[shown])
     assert np.array_equal(samples_of(made("x.csv", "--window", 21))[0], two[75:125])
-    monkeypatch.setattr(_cli_report, "NUMBERS", 1 << 21)
+    monkeypatch.setattr(loading, "NUMBERS", 1 << 21)
     many = np.random.default_rng(0).normal(size=(300, 11)).cumsum(axis=0)
     np.save("many.npy", many)
     assert np.array_equal(samples_of(made("many.npy", "--axis", 0, "--window", 21))[0], many[:, :8])
 
 
 def test_a_window_longer_than_what_is_shown(x, monkeypatch, capsys):
-    monkeypatch.setattr(_cli_report, "NUMBERS", 100)
+    monkeypatch.setattr(loading, "NUMBERS", 100)
     np.save("x.npy", x)
     assert report("x.npy", "--window", 101) == 1
     said = "x.npy: the page shows 100 samples, fewer than the window, 101: give a shorter one"
@@ -470,7 +470,7 @@ def test_eight_columns_and_no_more_have_a_section():
 def test_of_a_long_recording_a_stretch_in_the_middle_is_read(monkeypatch):
     y = np.random.default_rng(0).normal(size=10_000).cumsum()
     np.save("y.npy", y)
-    monkeypatch.setattr(_cli_report, "NUMBERS", 1000)
+    monkeypatch.setattr(loading, "NUMBERS", 1000)
     page = made("y.npy", "--window", 21, "--fs", 10)
     assert "Shown are samples 4500 to 5499 of 10000, a stretch in the middle." in page
     assert value(page, "samples") == "1000"
@@ -682,4 +682,4 @@ def test_designs_come_back_whatever_they_are(capsys):
         summary = json.loads(Path("d.json").read_text())
         page = made("d.json")
         assert eval(code(page)[0].split("\n")[-1]).weights.tolist() == summary["weights"]  # noqa: S307
-        assert value(page, "noise_gain") == _shown(summary["noise_gain"])
+        assert value(page, "noise_gain") == shown(summary["noise_gain"])

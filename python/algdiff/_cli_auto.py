@@ -66,24 +66,18 @@ def check(options: argparse.Namespace) -> None:
 
 def design_for(options: argparse.Namespace, reading: Options, step: float | None) -> Differentiator:
     """Return what is chosen for the input at a step, None if it is not known, and say so unless that is not wanted."""
-    wanted = _wanted(options, step)
+    asked = wanted(options, step)
     place = formats.located("src", options.source)
     with formats.open_source(place, replace(reading, memory=options.memory)) as source:
         stretch = Stretch.of(source, options.axis)
         x = stretch.read(source)
-    suggestion = _suggested(x, options, wanted)
-    design = suggestion.differentiator
-    if options.engine is not None:
-        try:
-            design = design.replace(engine=options.engine)
-        except (ValueError, TypeError) as error:
-            raise UsageError(error) from None
+    design, suggestion = chosen(x, options, asked)
     if not (options.quiet or options.json):
         print("\n".join([*suggestion.explain().splitlines()[:SHOWN], *stretch.told()]), file=sys.stderr)
     return design
 
 
-def _wanted(options: argparse.Namespace, step: float | None) -> dict[str, Any]:
+def wanted(options: argparse.Namespace, step: float | None) -> dict[str, Any]:
     """Return the arguments of `suggest` that are given, with numbers that have units in those of the step."""
     given = {word: getattr(options, word) for word in (*SHARED, *OWN) if getattr(options, word) is not None}
     delta = 1.0 if step is None else step
@@ -110,16 +104,24 @@ def _samples(count: float, *, longest: bool) -> int:
     return math.floor(count) if longest else math.ceil(count)
 
 
-def _suggested(x: Samples, options: argparse.Namespace, wanted: dict[str, Any]) -> Suggestion:
+def chosen(x: Samples, options: argparse.Namespace, asked: dict[str, Any]) -> tuple[Differentiator, Suggestion]:
+    """Return the design that is chosen from samples, with the engine of the options, and how it was chosen."""
     from algdiff import suggest
 
     try:
-        return suggest(x, options.deriv, **wanted)
+        suggestion = suggest(x, options.deriv, **asked)
     except (ValueError, TypeError, OverflowError) as error:
         said = re.sub(r"\bx\b", lambda _: str(options.source), str(error))
         if str(error).startswith("x must "):
             raise ValueError(said) from None
         raise UsageError(NAMES.sub(lambda found: "--" + found[0].replace("_", "-"), said)) from None
+    design = suggestion.differentiator
+    if options.engine is None:
+        return design, suggestion
+    try:
+        return design.replace(engine=options.engine), suggestion
+    except (ValueError, TypeError) as error:
+        raise UsageError(error) from None
 
 
 class Stretch(NamedTuple):

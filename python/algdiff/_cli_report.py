@@ -15,7 +15,7 @@ from algdiff import _cli_auto
 from algdiff import _formats as formats
 from algdiff import _units as units
 from algdiff._cli import UsageError, add_design, add_nan_policy, design_by
-from algdiff._cli_run import _lasting, add_reading, reading
+from algdiff._cli_run import lasting, add_reading, reading
 from algdiff._pages import again
 from algdiff._places import MEMORY
 
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from algdiff._pages.loading import Loading
     from algdiff._pages.report import Report
 
-NUMBERS = 1 << 21
-"""Samples that a page shows, at most, of all columns together."""
 COLUMNS = 8
 """Columns that get a section."""
 LARGEST = 1 << 28
@@ -206,16 +204,9 @@ def _designed(
     from algdiff import Differentiator
 
     if not options.auto:
-        make = Differentiator if isinstance(options.window, int) else _lasting
+        make = Differentiator if isinstance(options.window, int) else lasting
         return design_by(make, options.window, options, step), None
-    suggestion = _cli_auto._suggested(chosen_from, options, _cli_auto._wanted(options, step))
-    design = suggestion.differentiator
-    if options.engine is None:
-        return design, suggestion
-    try:
-        return design.replace(engine=options.engine), suggestion
-    except (ValueError, TypeError) as error:
-        raise UsageError(error) from None
+    return _cli_auto.chosen(chosen_from, options, _cli_auto.wanted(options, step))
 
 
 def _checked(options: argparse.Namespace) -> tuple[Options, float | None, formats.Located]:
@@ -245,36 +236,23 @@ def _checked(options: argparse.Namespace) -> tuple[Options, float | None, format
 
 def _read(source: Source, options: argparse.Namespace, step: float | None) -> tuple[_Read, Samples]:
     """Return what is shown, and what a window is chosen from."""
-    import numpy as np
+    from algdiff._pages.loading import hint, loading, parted, shown
 
-    from algdiff._pages.loading import hint, loading
-
-    chosen = _cli_auto.Stretch.of(source, options.axis)
-    samples, channels = chosen.shape[chosen.axis], chosen.channels
-    others = (*chosen.shape[: chosen.axis], *chosen.shape[chosen.axis + 1 :])
-    parts = 2 if source.dtype.kind == "c" else 1
-    count = min(channels, COLUMNS // parts)
-    rows = tuple(tuple(map(int, np.unravel_index(row, others))) for row in range(count)) if others else ((),)
-    length = min(samples, NUMBERS // (parts * count), chosen.stop - chosen.start)
-    start = (samples - length) // 2
-    shown = chosen._replace(start=start, stop=start + length, rows=rows)
-    x = shown.read(source)
+    part = shown(source, options.axis, COLUMNS)
+    samples, channels, count = part.shape[part.axis], part.channels, len(part.rows)
     # What holds one signal may have a name for it.
     place = formats.located("src", options.source)
     alone = options.key or place.inner or "Signal"
-    names = source.names or tuple(f"channel {', '.join(map(str, row))}" if row else alone for row in rows)
-    names = tuple(name.strip("/") or "Signal" for name in names[:count])
-    known = source.step_along(chosen.axis) if step is None else step
+    found = source.names or [f"channel {', '.join(map(str, row))}" if row else alone for row in part.rows]
+    x, names = parted(part.read(source), [name.strip("/") or "Signal" for name in found[:count]])
+    known = source.step_along(part.axis) if step is None else step
     lead = f"{samples} samples{f' in {channels} columns' if channels > 1 else ''}"
     lead += "." if known is None else f", {known:.6g} s apart."
     left = []
-    if length < samples:
-        left.append(f"Shown are samples {start} to {start + length - 1} of {samples}, a stretch in the middle.")
+    if part.stop - part.start < samples:
+        left.append(f"Shown are samples {part.start} to {part.stop - 1} of {samples}, a stretch in the middle.")
     if count < channels:
         left.append(f"Shown are the first {count} columns of {channels}; the rest is left out.")
-    if parts == 2:
-        names = tuple(f"{part} of {name}" for name in names for part in ("real part", "imaginary part"))
-        x = np.stack([x.real, x.imag], axis=1).reshape(-1, length)
-    python = loading(place, source, shown)
-    read = _Read(names, x.astype(np.float64), start, known, lead, " ".join(left), python, hint(chosen), samples)
-    return read, chosen.read(source) if options.auto else x
+    python = loading(place, source, part)
+    read = _Read(names, x, part.start, known, lead, " ".join(left), python, hint(part), samples)
+    return read, _cli_auto.Stretch.of(source, options.axis).read(source) if options.auto else x

@@ -154,7 +154,7 @@ def _check_arguments(options: argparse.Namespace) -> float | None:
     return step
 
 
-def _lasting(duration: float, deriv: int | tuple[int, ...], **given: Any) -> Differentiator:
+def lasting(duration: float, deriv: int | tuple[int, ...], **given: Any) -> Differentiator:
     """Return the design whose window is nearest to a duration."""
     from algdiff import Differentiator
     from algdiff._orders import highest
@@ -199,7 +199,7 @@ class _Task:
         if options.auto:
             self.design = _cli_auto.design_for(options, reading(options), step)
             return self.design
-        make = Differentiator if isinstance(window, int) else _lasting
+        make = Differentiator if isinstance(window, int) else lasting
         self.design = design_by(make, window, options, step)
         _check_gaps(self.design, options)
         return self.design

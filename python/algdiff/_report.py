@@ -56,10 +56,10 @@ def summary(design: Differentiator) -> Summary:
         "nyquist_attenuation": design.nyquist_attenuation,
         "discretisation_error": design.discretisation_error(),
     }
-    return {name: _plain(value) for name, value in values.items()}
+    return {name: plain(value) for name, value in values.items()}
 
 
-def _plain(value: str | float | None) -> str | int | float | None:
+def plain(value: str | float | None) -> str | int | float | None:
     """Return what JSON can hold: None for what is not a finite number."""
     if value is None or isinstance(value, (str, int)):
         return value
@@ -91,9 +91,9 @@ def power(design: Differentiator, exponent: int) -> str:
 def table(design: Differentiator) -> str:
     """Return the summary as lines of name, value to six digits and unit."""
     return "\n".join(
-        f"{name:<22}{_shown(value):<14}{unit(name, design)}".rstrip() for name, value in summary(design).items()
+        f"{name:<22}{shown(value):<14}{unit(name, design)}".rstrip() for name, value in summary(design).items()
     )
 
 
-def _shown(value: str | float | None) -> str:
+def shown(value: str | float | None) -> str:
     return "none" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)

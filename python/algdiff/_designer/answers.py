@@ -145,8 +145,8 @@ class Answers:
             "samples": column.x.size,
             "missing": self.recording.missing(query.column),
             "infinite": self.recording.infinite(query.column),
-            "noise_level": report._plain(column.sigma),
-            "std": report._plain(column.sigma * math.sqrt(design.noise_gain)),
+            "noise_level": report.plain(column.sigma),
+            "std": report.plain(column.sigma * math.sqrt(design.noise_gain)),
         }
         unit = {"std": of_design.pretty(report.power(design, -design.deriv))}
         shown = {name: _said(value, unit.get(name, "")) for name, value in values.items()}
@@ -171,19 +171,12 @@ class Answers:
 
     def _differentiated(self, index: int, design: Differentiator) -> of_recording.Column:
         recording = self.recording
-        x, sigma = recording.samples[index], recording.noise(index)
-        known = sigma if math.isfinite(sigma) else 0.0
         call: dict[str, Any] = {"nan_policy": "omit"} if recording.missing(index) else {}
+        name, x, noise = recording.columns[index], recording.samples[index], recording.noise(index)
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # the design itself has warned
-                smoother = design.replace(deriv=0, degree=design.degree, tau=design.tau)
-            found = design(x, return_std=True, sigma=known, **call)
-            smooth = found.estimate if design.deriv == 0 else smoother(x, **call)
+            return of_recording.column(name, x, recording.first, design, call, noise)
         except (ValueError, TypeError, OverflowError, MemoryError) as error:
             raise RefusedError.of(error) from None
-        t = design.delta * np.arange(recording.first, recording.first + x.size, dtype=np.float64)
-        return of_recording.Column(recording.columns[index], t, x, sigma, smooth, found.estimate, found.std)
 
     def _remembered(self, key: Any, make: Callable[[], Any]) -> Any:
         """Return what was made for a key, and forget what was not asked for of late."""
@@ -221,7 +214,7 @@ class Data(NamedTuple):
 
 def figures(design: Differentiator) -> dict[str, str | int | float | None]:
     """Return the figures of a design as JSON can hold them: those of its summary that cost little, and its engine."""
-    return {name: report._plain(MADE[name](design) if name in MADE else getattr(design, name)) for name in FIGURES}
+    return {name: report.plain(MADE[name](design) if name in MADE else getattr(design, name)) for name in FIGURES}
 
 
 def _said(value: str | float | None, unit: str) -> str:

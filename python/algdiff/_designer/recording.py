@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-NUMBERS = 1 << 21
-"""Numbers that are read, at most, of all columns together."""
 COLUMNS = 64
 """Columns that are offered, at most."""
 SECONDS = 7.0
@@ -97,30 +95,20 @@ def read(source: Source, name: str, axis: int | None = None, step: float | None 
     ValueError
         The array holds no samples.
     """
-    from algdiff._cli_auto import Stretch
-    from algdiff._pages.loading import check_samples, hint
+    from algdiff._pages.loading import check_samples, hint, parted, shown
 
     check_samples(source, name)
-    whole = Stretch.of(source, axis)
-    samples, others = whole.shape[whole.axis], (*whole.shape[: whole.axis], *whole.shape[whole.axis + 1 :])
+    part = shown(source, axis, COLUMNS)
+    samples, count, kept = part.shape[part.axis], part.stop - part.start, len(part.rows)
     if samples < 2:
-        raise ValueError(f"{name}: must hold two samples or more, got {samples}{hint(whole)}")
-    parts = 2 if source.dtype.kind == "c" else 1
-    kept = min(whole.channels, COLUMNS // parts)
-    rows = tuple(tuple(map(int, np.unravel_index(row, others))) for row in range(kept)) if others else ((),)
-    count = max(min(samples, NUMBERS // (parts * kept), whole.stop - whole.start), 1)
-    first = (samples - count) // 2
-    x = whole._replace(start=first, stop=first + count, rows=rows).read(source)
-    names = [one or "Signal" for one in (source.names or [", ".join(map(str, row)) for row in rows])][:kept]
-    if parts == 2:
-        names = [f"{part} of {one}" for one in names for part in ("real part", "imaginary part")]
-        x = np.stack([x.real, x.imag], axis=1).reshape(-1, count)
-    stated = source.step_along(whole.axis) if step is None else step
-    said = [f"{count:,} samples" if count == samples else f"samples {first} to {first + count - 1} of {samples:,}"]
-    if kept < whole.channels:
-        said.append(f"the first {kept} of {whole.channels:,} columns")
-    delta = 1.0 if stated is None else stated
-    return Recording(name, tuple(names), x.astype(np.float64), delta, first, ", ".join(said))
+        raise ValueError(f"{name}: must hold two samples or more, got {samples}{hint(part)}")
+    found = source.names or [", ".join(map(str, row)) for row in part.rows]
+    x, names = parted(part.read(source), [one or "Signal" for one in found[:kept]])
+    stated = source.step_along(part.axis) if step is None else step
+    said = [f"{count:,} samples" if count == samples else f"samples {part.start} to {part.stop - 1} of {samples:,}"]
+    if kept < part.channels:
+        said.append(f"the first {kept} of {part.channels:,} columns")
+    return Recording(name, names, x, 1.0 if stated is None else stated, part.start, ", ".join(said))
 
 
 def thinned(start: int, stop: int, *values: Floats) -> NDArray[np.intp]:

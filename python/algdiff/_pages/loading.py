@@ -1,17 +1,44 @@
-"""What a page says of the samples in a file: how they are had in Python, and that they are too few."""
+"""What a page shows of the samples in a file, how they are had in Python, and that they are too few."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+
+from algdiff._cli_auto import Stretch
 
 if TYPE_CHECKING:
     from algdiff import _formats as formats
-    from algdiff._cli_auto import Stretch
+    from algdiff._arguments import Samples
     from algdiff._formats.base import Source
+
+NUMBERS = 1 << 21
+"""Real numbers that a page shows, at most, of all columns together."""
+
+
+def shown(source: Source, axis: int | None, columns: int) -> Stretch:
+    """Return what a page shows of an array that is open: its first columns, of long ones a stretch in their middle."""
+    whole = Stretch.of(source, axis)
+    parts = 2 if source.dtype.kind == "c" else 1
+    count = min(whole.channels, columns // parts)
+    others = (*whole.shape[: whole.axis], *whole.shape[whole.axis + 1 :])
+    rows = tuple(tuple(map(int, np.unravel_index(row, others))) for row in range(count)) if others else ((),)
+    samples = whole.shape[whole.axis]
+    length = min(samples, NUMBERS // (parts * count), whole.stop - whole.start)
+    start = (samples - length) // 2
+    return whole._replace(start=start, stop=start + length, rows=rows)
+
+
+def parted(x: Samples, names: Sequence[str]) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+    """Return rows in double precision, and what they are called: of complex ones real and imaginary parts."""
+    if x.dtype.kind == "c":
+        x = np.stack([x.real, x.imag], axis=1).reshape(-1, x.shape[-1])
+        names = [f"{part} of {name}" for name in names for part in ("real part", "imaginary part")]
+    return x.astype(np.float64), tuple(names)
 
 
 class Loading(NamedTuple):
@@ -32,10 +59,10 @@ class Loading(NamedTuple):
     axis: int | None
 
 
-def loading(place: formats.Located, source: Any, shown: Stretch) -> Loading:
+def loading(place: formats.Located, source: Any, stretch: Stretch) -> Loading:
     """Return how the samples of a stretch are read from the file that is open."""
     imports, expression, typed = READERS[place.form.name](str(place.path), source)
-    cut = _index(shown)
+    cut = _index(stretch)
     if place.form.inner:
         cut = cut or "[...]"
     elif cut and place.form.name == "npy":
@@ -44,7 +71,7 @@ def loading(place: formats.Located, source: Any, shown: Stretch) -> Loading:
     wanted = "complex" if source.dtype.kind == "c" else "float"
     if not typed and source.dtype != np.dtype(wanted):
         expression += f".astype({wanted})"
-    dimensions, axis = len(shown.shape), shown.axis
+    dimensions, axis = len(stretch.shape), stretch.axis
     if source.dtype.kind == "c":
         # As on the page, each part has noise of its own.
         expression += "\nx = np.stack([x.real, x.imag])"
@@ -52,13 +79,13 @@ def loading(place: formats.Located, source: Any, shown: Stretch) -> Loading:
     return Loading(imports, expression, axis if axis < dimensions - 1 else None)
 
 
-def _index(shown: Stretch) -> str:
+def _index(stretch: Stretch) -> str:
     """Return the index of what is shown, "" if it is all; rows of more than two dimensions are taken whole."""
-    parts = [":"] * len(shown.shape)
-    if shown.stop - shown.start < shown.shape[shown.axis]:
-        parts[shown.axis] = f"{shown.start}:{shown.stop}"
-    if len(parts) == 2 and len(shown.rows) < shown.channels:
-        parts[1 - shown.axis] = f":{len(shown.rows)}"
+    parts = [":"] * len(stretch.shape)
+    if stretch.stop - stretch.start < stretch.shape[stretch.axis]:
+        parts[stretch.axis] = f"{stretch.start}:{stretch.stop}"
+    if len(parts) == 2 and len(stretch.rows) < stretch.channels:
+        parts[1 - stretch.axis] = f":{len(stretch.rows)}"
     while parts and parts[-1] == ":":
         parts.pop()
     return f"[{', '.join(parts)}]" if parts else ""

@@ -189,7 +189,7 @@ def tables(design: Differentiator, values: report.Summary) -> str:
 
 def _row(name: str, value: str | float | None, design: Differentiator) -> str:
     unit = pretty(report.unit(name, design))
-    shown = f'<td class="number" data-name="{name}">{report._shown(value)}</td>'
+    shown = f'<td class="number" data-name="{name}">{report.shown(value)}</td>'
     return f'<tr><th scope="row">{NAMES[name]}</th>{shown}<td>{unit}</td></tr>'
 
 

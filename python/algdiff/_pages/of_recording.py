@@ -113,7 +113,8 @@ def column(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the design itself has warned
             smoother = design.replace(deriv=0, degree=design.degree, tau=design.tau, rule="exact", trim=0.0)
-        return Column(name, t, x, sigma, smoother(x, **call), estimate, std, given)
+        smooth = estimate if smoother == design else smoother(x, **call)
+        return Column(name, t, x, sigma, smooth, estimate, std, given)
 
 
 def _estimated(x: Floats, sigma: float, design: Differentiator, call: dict[str, Any]) -> tuple[Floats, Floats]:

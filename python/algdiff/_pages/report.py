@@ -147,7 +147,7 @@ class Report:
     def numbers(self, one: Column) -> str:
         """Return the numbers of a row of samples."""
         rows = [
-            f'<tr><th scope="row">{text(name)}</th><td class="number" data-name="{key}">{report._shown(value)}</td>'
+            f'<tr><th scope="row">{text(name)}</th><td class="number" data-name="{key}">{report.shown(value)}</td>'
             f"<td>{text(unit)}</td></tr>"
             for key, name, value, unit in of_recording.numbers(one, self.design)
         ]
