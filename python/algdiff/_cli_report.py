@@ -15,7 +15,7 @@ from algdiff import _cli_auto
 from algdiff import _formats as formats
 from algdiff import _units as units
 from algdiff._cli import UsageError, add_design, add_nan_policy, design_by
-from algdiff._cli_run import lasting, add_reading, reading
+from algdiff._cli_run import add_reading, lasting, reading
 from algdiff._pages import again
 from algdiff._places import MEMORY
 
