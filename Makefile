@@ -1,6 +1,9 @@
-.PHONY: help dev fmt lint test-rust test-registers docs test check bench soak
+.PHONY: help dev fmt lint test-rust test-registers instructions docs test check bench soak soak-tests fuzz mutants asan valgrind coverage audit wheel
 
 PYTHON ?= python
+HOST = $(shell rustc -vV | sed -n 's/^host: //p')
+# Tests that count farther with ALGDIFF_SOAK=1.
+SOAKED = $(shell grep -l 'soak(' tests/test_*.py)
 
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/:/' | column -t -s:
@@ -24,12 +27,15 @@ lint: ## formatters, linters, types and stubs; needs `make dev`
 # The unit tests are compiled without optimisation, which takes a quarter of the time; what users get is tested by the rest.
 test-rust: ## tests of the core
 	cargo test --workspace --release --lib --config 'profile.release.package.algdiff-core.opt-level=0'
-	cargo test --workspace --release --test parts --test stream
+	cargo test --workspace --release --test parts --test properties --test stream
 	cargo test --workspace --release --doc
 	cargo run --release --example control_loop
 
 test-registers: ## the engines on registers of other CPUs as well; takes minutes to compile
 	cargo test --package algdiff-core --release --lib --features emulated-registers engine
+
+instructions: ## instructions that fixed workloads take, against those on record; needs valgrind
+	$(PYTHON) tools/instructions.py
 
 docs: ## the documentation in build/docs: examples run, links are checked, warnings are errors; needs `make dev`
 	rm -rf build/docs
@@ -45,5 +51,25 @@ bench: ## speed against the targets and the peers, and the choice of the engine;
 	$(PYTHON) benches/peers.py
 	$(PYTHON) benches/engines.py --strict
 
-soak: ## long runs: streams do not grow and do not drift, killed runs of files lose nothing
+soak: soak-tests fuzz mutants asan valgrind coverage ## long runs, hours: all of the following; their figures are in docs/long-runs.md
+
+soak-tests: ## the searching tests with large numbers; streams and killed runs of files
+	PROPTEST_CASES=25000 cargo test --workspace --release --test properties
+	ALGDIFF_SOAK=1 $(PYTHON) -m pytest -q $(SOAKED)
 	$(PYTHON) benches/soak.py
+
+fuzz: ## ten million executions of every fuzz target; needs cargo-fuzz and atheris
+	$(PYTHON) fuzz/run.py
+
+mutants: ## does a test fail for every fault that is put into the core
+	$(PYTHON) tools/mutants.py
+
+asan: ## the core's tests under AddressSanitizer; needs a C compiler
+	RUSTC_BOOTSTRAP=1 RUSTFLAGS=-Zsanitizer=address cargo test --package algdiff-core --release --lib \
+	    --test parts --test properties --test stream --target $(HOST) --target-dir build/asan
+
+valgrind: ## every part of the installed package under valgrind
+	$(PYTHON) tools/valgrind.py
+
+coverage: ## the share of lines that tests reach, in Rust and Python; needs the compiler's llvm-tools
+	$(PYTHON) tools/coverage.py

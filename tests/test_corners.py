@@ -255,3 +255,24 @@ def test_coordinates_are_even_to_a_billionth_of_a_step() -> None:
 def test_a_single_point_gives_a_number() -> None:
     assert type(algdiff.Kernel(1)(0.25)) is np.float64
     assert isinstance(algdiff.Kernel(1)([0.25]), np.ndarray)
+
+
+def test_misaligned_samples_are_fitted_as_others_are() -> None:
+    raw = np.zeros(8 * 50 + 1, np.uint8)
+    x = raw[1:].view(np.float64)
+    x[:] = np.random.default_rng(0).standard_normal(50)
+    weights = np.linspace(1, 2, 50)
+    expected = algdiff.differentiate(x.copy(), 9, weights=weights)
+    np.testing.assert_array_equal(algdiff.differentiate(x, 9, weights=weights), expected)
+
+
+def test_durations_shorter_than_a_fit_are_raised_whatever_else_is_given() -> None:
+    x = np.sin(np.arange(60.0))
+    expected = algdiff.differentiate(x, window_duration=1.0)
+    found = algdiff.differentiate(x, window_duration=1.0, weights=np.ones(60))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+
+
+def test_an_empty_out_is_as_good_as_none() -> None:
+    out = np.zeros((0, 20))
+    assert algdiff.differentiate(out.copy(), 5, out=out) is out

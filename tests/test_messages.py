@@ -453,3 +453,23 @@ def test_limits_of_gaps_are_arguments(
 def test_internal_errors_can_be_pickled() -> None:
     error = pickle.loads(pickle.dumps(algdiff.InternalError("said")))  # noqa: S301
     assert (type(error), error.args) == (algdiff.InternalError, ("said",))
+
+
+@pytest.mark.parametrize("word", ["a\nb", "a" * 5000, "\ud800", "\x1b[31m"])
+@pytest.mark.parametrize("name", ["tau", "rule", "engine", "mode", "nan_policy", "edge_window"])
+def test_words_that_cannot_be_printed_are_shown_as_python_writes_them(name: str, word: str) -> None:
+    with pytest.raises(ValueError, match=f"^{name} must be") as caught:
+        algdiff.differentiate(np.arange(9.0), 5, **{name: word})
+    said = str(caught.value)
+    assert said.isprintable()
+    assert len(said) < 300
+
+
+def test_what_states_and_dtypes_hold_is_shown_in_one_line() -> None:
+    design = algdiff.Differentiator(5)
+    with pytest.raises(TypeError, match="dtype must be float64 or float32, got '.ud800'"):
+        design.stream(dtype="\ud800")
+    state = design.stream().state
+    with pytest.raises(ValueError, match="state must hold") as caught:
+        algdiff.Stream.from_state({**state, "design": {**state["design"], "a\nb": 1}})
+    assert str(caught.value).isprintable()

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from algdiff._refusals import SAMPLES, has_units, named, shown, units_of
+from algdiff._refusals import LONGEST, SAMPLES, has_units, named, shown, units_of
 
 Samples = NDArray[Any]
 Progress = Callable[[float], object]
@@ -69,10 +69,13 @@ def number(name: str, value: object) -> complex:
 
 def word_or_real(name: str, value: object) -> str | float:
     """Return a word as it is and anything else as a float."""
+    allowed = "a word such as 'center' or a real number"
     try:
-        return value if isinstance(value, str) else real(name, value)
+        if not isinstance(value, str):
+            return real(name, value)
     except TypeError:
-        raise TypeError(refused(name, value, "a word such as 'center' or a real number")) from None
+        raise TypeError(refused(name, value, allowed)) from None
+    return word(name, value, allowed)
 
 
 def sampling_step(delta: object, fs: object) -> float:
@@ -141,7 +144,7 @@ def working_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
 def real_dtype(name: str, dtype: DTypeLike) -> np.dtype[Any]:
     """Return float64 or float32 as NumPy's."""
     real: np.dtype[Any] | None = None
-    with suppress(TypeError):
+    with suppress(TypeError, ValueError):
         real = np.dtype(dtype)
     if real not in (np.float64, np.float32):
         raise TypeError(f"{name} must be float64 or float32, got {shown(dtype)}")
@@ -202,7 +205,14 @@ def word(name: str, value: object, allowed: str) -> str:
     """Return a word as it is."""
     if not isinstance(value, str):
         raise TypeError(f"{name} must be {allowed}, got {shown(value)}")
+    if not _is_word(value):
+        raise ValueError(f"{name} must be {allowed}, got {shown(value)}")
     return value
+
+
+def _is_word(value: str) -> bool:
+    """Return whether messages may quote a word as it is."""
+    return value.isprintable() and len(value) <= LONGEST
 
 
 def contiguous(array: Samples) -> Samples:
@@ -220,7 +230,7 @@ def check_output(out: object, shape: tuple[int, ...], dtype: DTypeLike, x: Sampl
         raise TypeError(f"out must have dtype {np.dtype(dtype)}, got {out.dtype}")
     if not out.flags.writeable:
         raise ValueError("out must be writeable, got a read-only array")
-    if any(step == 0 and size > 1 for step, size in zip(out.strides, out.shape, strict=True)):
+    if out.size and any(step == 0 and size > 1 for step, size in zip(out.strides, out.shape, strict=True)):
         raise ValueError("out must have a place for every element, got a broadcast array")
     if np.may_share_memory(out, x):
         raise ValueError("out must not overlap x, got arrays that may share memory")

@@ -61,13 +61,17 @@ class Data:
             held = np.ma.getdata(x) if isinstance(x, np.ma.MaskedArray) else given
             leading = () if self.design._leading is None else (self.design._leading,)
             arguments.check_output(call.out, (*leading, *self.output_shape), self.dtype, held)
+        else:
+            np.empty(self.output_shape, self.dtype)  # what cannot be had is refused before every sample is looked at
         values = self._floats(given, wish)
         self.offsets = None if wish.period is None else _unwrap(values, wish.period)
         cval = (arguments.number if given.dtype.kind == "c" else arguments.real)("cval", call.cval)
         parts = (
             [(values, cval.real)] if values.dtype.kind == "f" else [(values.real, cval.real), (values.imag, cval.imag)]
         )
-        self.parts = [(np.ascontiguousarray(np.moveaxis(part, 0, self.axis)), constant) for part, constant in parts]
+        self.parts = [
+            (np.require(np.moveaxis(part, 0, self.axis), requirements=["C", "A"]), constant) for part, constant in parts
+        ]
         self._weigh(wish, len(parts))
         if self.missing and wish.nan_policy == "raise":
             self._refuse_missing(values)
@@ -272,7 +276,8 @@ def placed(design: Differentiator, stamps: Stamps | None, samples: int, wish: Wi
     if step != design.delta:
         changes["delta"] = step
     if wish.window_duration is not None:
-        changes["window_length"] = even_length(duration("window_duration", wish.window_duration), step)
+        held = even_length(duration("window_duration", wish.window_duration), step)
+        changes["window_length"] = max(held, design.degree + 1)
     if changes:
         design = design._changed(**changes)
     if wish.at is None:

@@ -15,6 +15,12 @@ MANY = 10
 """Names that a message shows, at most."""
 
 
+CONTROL = (*range(9), *range(11, 32), *range(127, 160), *range(0xD800, 0xE000), 0xFFFE, 0xFFFF)
+DIRECTION = (*range(0x202A, 0x202F), *range(0x2066, 0x206A))
+UNPRINTED = dict.fromkeys((*CONTROL, *DIRECTION), "\N{REPLACEMENT CHARACTER}")
+"""Characters that XML does not allow, that command a terminal or show nothing, or that turn what follows around."""
+
+
 class _Short(reprlib.Repr):
     """Shows a few elements of lists, and as much of everything else as a message can hold."""
 
@@ -49,7 +55,18 @@ def named(**values: object) -> str:
 
 def listed(names: Sequence[object]) -> str:
     """Return names as messages show them: at most ten."""
-    return ", ".join(map(str, names[:MANY])) + (f", and {len(names) - MANY} more" if len(names) > MANY else "")
+    few = ", ".join(told(name) for name in names[:MANY])
+    return few + (f", and {len(names) - MANY} more" if len(names) > MANY else "")
+
+
+def told(what: object) -> str:
+    """Return a name, or what an error says, as messages quote it: in one line and short; or else the kind of the error."""
+    return _line(printed(str(what)), 2 * LONGEST) or type(what).__name__
+
+
+def printed(text: str) -> str:
+    """Return `text` as it can be shown on a terminal or a page, whatever names from files it holds."""
+    return text.translate(UNPRINTED)
 
 
 def _line(text: str, most: int) -> str:

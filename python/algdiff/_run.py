@@ -44,7 +44,7 @@ def run(
     samples: Any = x if known else arguments.signal("x", x)
     shape, span = samples.shape, plan.span
     axis = len(shape) - 1 if type(axis) is int and axis == -1 else arguments.axis_index(axis, len(shape))
-    if type(mode) is not str:
+    if type(mode) is not str or mode not in MODES:
         arguments.word("mode", mode, f"a word, one of {', '.join(map(repr, MODES))}")
     if type(cval) is not float:
         cval = (arguments.number if samples.dtype.kind == "c" else arguments.real)("cval", cval)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from algdiff._designs import asked as checked
 from algdiff._differentiator import rebuild
-from algdiff._refusals import shown
+from algdiff._refusals import shown, told
 
 if TYPE_CHECKING:
     from algdiff._differentiator import Differentiator
@@ -78,7 +78,7 @@ def put(stream: Stream, state: dict[str, Any]) -> None:
         held = [float(value) for value in state["samples"]], [float(value) for value in state["times"]], state["count"]
         stream._restore(*held)
     except (TypeError, ValueError, OverflowError) as error:
-        raise ValueError(f"state must hold the samples, times and count of a stream, got others ({error})") from None
+        raise ValueError(f"state must hold the samples, times and count of a stream, got others ({told(error)})") from None
 
 
 def _check(state: object) -> None:
@@ -90,7 +90,7 @@ def _check(state: object) -> None:
 
 
 def _no_state(error: Exception) -> ValueError:
-    return ValueError(f"state must hold the design and the options of a stream, got others ({error})")
+    return ValueError(f"state must hold the design and the options of a stream, got others ({told(error)})")
 
 
 def _designs(state: dict[str, Any]) -> Differentiator | tuple[Differentiator, ...]:

@@ -207,13 +207,14 @@ def described(found: Chosen, want: Wanted) -> Suggestion:
     noise2, bias2 = _parts(found, want)
     steps = float(level.step) ** -want.deriv * unit * typical
     family, risk = level.family, level.risk
-    curve = RiskCurve(
-        family.window * level.step,
-        family.degree,
-        steps * np.sqrt(risk.variance + risk.bias2),
-        steps * np.sqrt(risk.variance),
-        steps * np.sqrt(risk.bias2),
-    )
+    with np.errstate(over="ignore"):  # errors of candidates may be beyond the largest number
+        curve = RiskCurve(
+            family.window * level.step,
+            family.degree,
+            steps * np.sqrt(risk.variance + risk.bias2),
+            steps * np.sqrt(risk.variance),
+            steps * np.sqrt(risk.bias2),
+        )
     parts = blocks(found.rows)
     pieces = parts[:, : parts.shape[1] // 16 * 16].reshape(-1, parts.shape[1] // 16) if parts.shape[1] >= 800 else parts
     levels = np.atleast_1d(noise_level(pieces))

@@ -18,6 +18,9 @@ BLOCKS, BLOCK = 16, 2048
 CHANNELS = 16
 """Rows that stand for all of them."""
 
+LARGEST = 1023
+"""Exponent of the largest power of two."""
+
 STRETCH = 1 << 22
 """Samples in the middle of a recording that stand for all of it, together in all rows."""
 
@@ -73,6 +76,7 @@ def scaled(rows: Floats, *, of_noise: bool) -> tuple[Floats, Floats]:
     second = np.frexp(np.abs(rows).max(axis=1, keepdims=True))[1]
     if not of_noise:
         second = np.full_like(second, (first + second).max()) - first
+    second = np.minimum(second, LARGEST - first)
     rows = np.ldexp(rows, -second)
     scale = np.ldexp(1.0, (first + second)[:, 0])
     if of_noise and len(rows) > 1:

@@ -4,6 +4,8 @@
 //! `benches/streaming.py` reads; with `-- NAME` only the case of that name. The samples come from a generator that is easily written
 //! elsewhere, and the first estimates are summed up in a hash, so that other programs can tell whether they get the same bits.
 
+#![expect(clippy::indexing_slicing, reason = "a bench may stop where it is wrong")]
+
 #[path = "common/basics.rs"]
 mod basics;
 

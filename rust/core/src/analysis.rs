@@ -90,8 +90,7 @@ impl Kernel {
         let grid: Vec<f64> = nodes(self.family(), 4 * self.degree(), 0.0).iter().map(|node| node.s).collect();
         let mut norm = 0.0;
         let mut before = 0.0;
-        for pair in grid.windows(2) {
-            let [left, right] = [pair[0], pair[1]];
+        for (&left, &right) in grid.iter().zip(grid.iter().skip(1)) {
             let sign = sum(left) > 0.0;
             if right > left && (sum(right) > 0.0) != sign {
                 let here = self.integral(bisect(left, right, |s| (sum(s) > 0.0) != sign));
@@ -204,15 +203,15 @@ impl Tradeoff {
         }
         let low = shortest.max(delay).ln();
         let high = (20.0 / self.frequency + 4.0 * delay.abs()).max(8.0 * shortest).min(longest).ln();
-        let points: Vec<f64> = (0..=96).map(|i| low + (high - low) * f64::from(i) / 96.0).collect();
+        let point = |i: u32| low + (high - low) * f64::from(i) / 96.0;
         let mut best = (f64::INFINITY, 0);
-        for (index, point) in points.iter().enumerate() {
-            let error = self.error(point.exp(), delay)?;
+        for i in 0..=96 {
+            let error = self.error(point(i).exp(), delay)?;
             if error < best.0 {
-                best = (error, index);
+                best = (error, i);
             }
         }
-        let (mut left, mut right) = (points[best.1.saturating_sub(1)], points[(best.1 + 1).min(points.len() - 1)]);
+        let (mut left, mut right) = (point(best.1.saturating_sub(1)), point((best.1 + 1).min(96)));
         while right - left > 1e-6 {
             let (first, second) = (left + 0.382 * (right - left), right - 0.382 * (right - left));
             if self.error(first.exp(), delay)? < self.error(second.exp(), delay)? {

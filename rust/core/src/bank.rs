@@ -1,5 +1,7 @@
 //! One or several orders at one point of one window, and the engine that runs them.
 
+#![expect(clippy::indexing_slicing, reason = "a bank is never without a plan")]
+
 use std::sync::{Arc, OnceLock};
 
 use crate::control::Control;

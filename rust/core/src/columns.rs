@@ -1,5 +1,10 @@
 //! Several rows at once: columns, and short rows, gathered into strips whose samples stand side by side.
 
+#![expect(
+    clippy::indexing_slicing,
+    reason = "strips and tiles are cut to the rows that they lie in before anything is computed"
+)]
+
 use std::ops::Range;
 
 use crate::ends::Mode;

@@ -5,6 +5,8 @@
 //! of least `sum w^2 / W` that meet the moments `V w = d`. The orthonormal basis makes `V W V^T` nearly the identity up to
 //! degrees of about 2 sqrt(window); beyond, only a QR factorisation of `sqrt(W) V^T` keeps the digits.
 
+#![expect(clippy::indexing_slicing, reason = "columns and coefficients are as many as the degree says")]
+
 pub mod ends;
 
 use std::ops::Range;

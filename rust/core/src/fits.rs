@@ -1,6 +1,11 @@
 //! Every estimate by a fit of its own: where samples are missing, unevenly spaced or of unequal weight, and where the error of
 //! each estimate is wanted.
 
+#![expect(
+    clippy::indexing_slicing,
+    reason = "lanes are fewer than a panel has, and rows are numbered within their shape"
+)]
+
 pub(crate) mod panel;
 mod work;
 

@@ -5,6 +5,11 @@
 //! `G = 1 - sum over M of Q_j Q_j^T`: a system as small as the fit has coefficients, the dual of the one that the hat matrix gives for
 //! the missing values. With `G g = q^(n)(u)` the estimate is `g . Q^T sqrt(W) x`, and its weights are `sqrt(W_j) Q_j . g`.
 
+#![expect(
+    clippy::indexing_slicing,
+    reason = "windows lie in their rows, and sums have one more element than what they sum"
+)]
+
 pub mod bulk;
 
 use std::ops::Range;

@@ -1,5 +1,7 @@
 //! Where the windows lie among samples that are evenly spaced or not, and the places of the samples in them.
 
+#![expect(clippy::indexing_slicing, reason = "windows lie between the first and the last time")]
+
 use crate::ends::Mode;
 use crate::gaps::Whole;
 

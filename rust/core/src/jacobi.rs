@@ -4,6 +4,8 @@
 //! large exponents, and no monomial or factorial is ever formed. With `x = 2 tau - 1` the weight
 //! `tau^alpha (1 - tau)^beta` belongs to the classical `P_m^{(beta, alpha)}(x)`: the exponent of the newest end comes first there.
 
+#![expect(clippy::indexing_slicing, reason = "a recurrence has as many coefficients as its degree says")]
+
 use nalgebra::{Complex, DMatrix};
 
 /// The family with exponents `alpha` at 0 and `beta` at 1, both above -1.

@@ -7,6 +7,8 @@
 //! cost no digits that the data have. The estimate of order `n` at `u` is `sum over j of w_j x_j` with
 //! `w_j = W_j sum over m of q_m^(n)(u) q_m(s_j)`, and the same recurrence, differentiated, gives `q_m^(n)(u)`.
 
+#![expect(clippy::indexing_slicing, reason = "windows lie in their rows, and levels are numbered among those given")]
+
 mod kernels;
 
 use pulp::Arch;

@@ -2,6 +2,7 @@
 //!
 //! A strip is a matrix with [`Sample::LANES`] columns, seen as lines of `N` samples; several strips lie `step` lines apart.
 
+#![expect(clippy::indexing_slicing, reason = "shares and weights of a moved window are as many as its samples")]
 #![expect(
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"

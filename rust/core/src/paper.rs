@@ -3,6 +3,8 @@
 //!
 //! Nothing else is built on them. They say the same as [`crate::kernel::Kernel`], with fewer digits.
 
+#![expect(clippy::indexing_slicing, reason = "rows and columns have the lengths that were compared at the start")]
+
 use faer::Mat;
 
 use crate::control::Control;

@@ -1,5 +1,7 @@
 //! Everything decided before the first sample: the weights of a window, and how they will meet the data.
 
+#![expect(clippy::indexing_slicing, reason = "pairs are counted from both ends")]
+
 use std::ops::Range;
 use std::sync::OnceLock;
 

@@ -1,5 +1,7 @@
 //! One thread's part of a run, row by row: the interior by the engine, the ends by the mode.
 
+#![expect(clippy::indexing_slicing, reason = "windows lie in their rows, which are extended before they are cut")]
+
 use std::ops::Range;
 
 use crate::ends::Mode;

@@ -4,6 +4,8 @@
 //! of `integral of rho p_m x`. Sampling rules take the integrand at the samples; "cell" and "hat" integrate the kernel
 //! exactly against a signal that is constant on every cell, or linear between the nodes.
 
+#![expect(clippy::indexing_slicing, reason = "only samples that are kept have a column")]
+
 use std::ops::Range;
 
 use crate::control::Control;

@@ -20,6 +20,8 @@
 //! # Ok::<(), algdiff_core::error::Error>(())
 //! ```
 
+#![expect(clippy::indexing_slicing, reason = "blocks are cut to whole samples of all channels")]
+
 mod fitted;
 mod row;
 mod window;

@@ -2,6 +2,8 @@
 //!
 //! Threads are scoped and end with the run: a pool of threads would hang in a forked child.
 
+#![expect(clippy::indexing_slicing, reason = "parts are cut to the rows that there are")]
+
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};

@@ -488,6 +488,13 @@ fn lambdas(deriv: usize, degree: usize, exponents: (f64, f64), points: &Array<'_
     enter_with(points, out, |points, out, _| paper::lambdas(deriv, degree, exponents, points, out))
 }
 
+/// Stops inside, as a defect would: how tests see what becomes of it.
+#[pyfunction]
+#[expect(clippy::panic, reason = "this is what it is for")]
+fn fail_inside(py: Python<'_>) -> PyResult<()> {
+    enter(py, None, |_| panic!("asked to fail inside"))
+}
+
 #[pyfunction]
 fn registers() -> (usize, bool) {
     choice::registers()
@@ -501,5 +508,5 @@ mod _core {
     #[pymodule_export]
     use super::stream::Stream;
     #[pymodule_export]
-    use super::{Bank, InternalError, Kernel, Plan, Simultaneous, delay_tradeoff, lambdas, registers};
+    use super::{Bank, InternalError, Kernel, Plan, Simultaneous, delay_tradeoff, fail_inside, lambdas, registers};
 }

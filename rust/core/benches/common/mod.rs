@@ -3,6 +3,8 @@
 //! Plain timing in 100 lines instead of a bench crate: what is wanted is one number for each window, in units of copying
 //! the same samples in the same run, and criterion or divan would bring dozens of crates and statistics of their own.
 
+#![expect(clippy::indexing_slicing, reason = "a bench may stop where it is wrong")]
+
 mod basics;
 
 use std::time::{Duration, Instant};

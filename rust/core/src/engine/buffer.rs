@@ -1,5 +1,7 @@
 //! Values that start at a cache line.
 
+#![expect(clippy::indexing_slicing, reason = "the room is longer than the values by a whole cache line")]
+
 use std::ops::{Deref, DerefMut};
 
 use crate::error::{Error, at_least};

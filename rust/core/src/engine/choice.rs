@@ -65,15 +65,16 @@ fn in_halves() -> bool {
 pub fn ranked(orders: &[&Taps], single: bool) -> Vec<Engine> {
     let taps = orders.first().map_or(0, |order| order.double.len());
     let costs = costs();
-    let (kind, count) = (usize::from(single), orders.len() as f64);
-    let direct = costs.direct.1 + count * costs.direct.0[kind] * taps as f64;
+    let of = |[double, float]: [f64; 2]| if single { float } else { double };
+    let count = orders.len() as f64;
+    let direct = costs.direct.1 + count * of(costs.direct.0) * taps as f64;
     let mut found = vec![(direct, Engine::Direct)];
     // Below this nothing else has a chance, and looking for a polynomial would take longer than short calls do.
     if taps >= 30 {
-        found.push((costs.fft[kind] * fourier(taps, orders.len()), Engine::Fft));
+        found.push((of(costs.fft) * fourier(taps, orders.len()), Engine::Fft));
         if let Ok(Some(shape)) = Shape::of(orders, if single { 16 } else { 8 }) {
             let (shared, each) = shape.cost;
-            let moments = count * costs.moments.1 + costs.moments.0[kind] * (shared + each * count);
+            let moments = count * costs.moments.1 + of(costs.moments.0) * (shared + each * count);
             found.push((moments, Engine::Moments));
         }
     }

@@ -6,6 +6,10 @@
 //! Multiplication and addition stay apart (no fused operation), so every CPU gives the same bits.
 
 #![expect(
+    clippy::indexing_slicing,
+    reason = "blocks and pieces are cut to the outputs, and every output's window lies in the samples"
+)]
+#![expect(
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
 )]

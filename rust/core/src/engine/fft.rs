@@ -19,6 +19,10 @@
 //! **NaN and inf** are louder than everything, by the same rule: they spoil the windows that hold them, and no others.
 
 #![expect(
+    clippy::indexing_slicing,
+    reason = "a transform is longer than the taps, and an anchor is one of their samples"
+)]
+#![expect(
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
 )]

@@ -198,11 +198,11 @@ impl<T: Sample> Runner<T> {
         let mut row = try_vec(x.len() / lanes, T::default())?;
         let mut results = try_vec(outputs * outs.len(), T::default())?;
         for lane in 0..lanes {
-            row.iter_mut().zip(x[lane..].iter().step_by(lanes)).for_each(|(value, sample)| *value = *sample);
+            row.iter_mut().zip(x.iter().skip(lane).step_by(lanes)).for_each(|(value, sample)| *value = *sample);
             let mut each: Vec<&mut [T]> = results.chunks_mut(outputs.max(1)).collect();
             self.run(Windows { x: &row, first, origin, outs: &mut each }, scratch)?;
             for (out, result) in outs.iter_mut().zip(each) {
-                out[lane..].iter_mut().step_by(lanes).zip(result).for_each(|(value, result)| *value = *result);
+                out.iter_mut().skip(lane).step_by(lanes).zip(result).for_each(|(value, result)| *value = *result);
             }
         }
         Ok(())

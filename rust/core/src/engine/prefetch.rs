@@ -1,7 +1,12 @@
 //! Asking the memory for samples before they are needed.
 
+use branches::prefetch_read_data;
+
 /// Bytes of a cache line.
 const LINE: usize = 64;
+
+/// The nearest cache, as `prefetch_read_data` numbers them.
+const NEAREST: i32 = 0;
 
 /// Asks for the cache lines of `values[from..from + count]`, as far as there are such, without waiting for them.
 ///
@@ -14,20 +19,6 @@ const LINE: usize = 64;
 )]
 pub fn prefetch<T>(values: &[T], from: usize, count: usize) {
     let until = values.len().min(from.saturating_add(count));
-    for index in (from..until).step_by(LINE / size_of::<T>()) {
-        request(&values[index]);
-    }
+    let asked = values.get(from..until).unwrap_or_default();
+    asked.iter().step_by(LINE / size_of::<T>()).for_each(|value| prefetch_read_data::<T, NEAREST>(value));
 }
-
-#[inline(always)]
-#[cfg(target_arch = "x86_64")]
-#[expect(unsafe_code, reason = "std has no safe prefetch")]
-fn request<T>(value: &T) {
-    use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-    // SAFETY: a prefetch neither reads nor writes as far as the program can see, and every x86-64 CPU has it.
-    unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(value).cast()) }
-}
-
-#[inline(always)]
-#[cfg(not(target_arch = "x86_64"))]
-fn request<T>(_value: &T) {}

@@ -1,5 +1,6 @@
 //! The element types that engines run in, and what the registers of the CPU do with them.
 
+#![expect(clippy::indexing_slicing, reason = "eight lanes fill one register or more")]
 #![expect(
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"

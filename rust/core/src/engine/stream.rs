@@ -1,5 +1,6 @@
 //! Samples into the stream that engines run on, and sums into outputs.
 
+#![expect(clippy::indexing_slicing, reason = "what is known is cut to the samples first")]
 #![expect(
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"

@@ -4,6 +4,7 @@
 //! each position. R is triangular and the first `deriv` moments of a derivative are zero, so the first `deriv` numbers of
 //! `e` are zero too, and of `c` only the others are needed.
 
+#![expect(clippy::indexing_slicing, reason = "columns and coefficients are as many as the degree says")]
 #![expect(
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"

@@ -1,6 +1,7 @@
 //! The fits of neighbouring windows side by side, one in every lane: the same process as in [`crate::local`], without its sums across
 //! lanes, for which a single short window waits longer than it computes.
 
+#![expect(clippy::indexing_slicing, reason = "a panel has its sizes as constants, and its samples are cut to them")]
 #![expect(
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"

@@ -1,5 +1,7 @@
 //! One thread's part of the fits: window by window, or windows side by side.
 
+#![expect(clippy::indexing_slicing, reason = "windows lie in their rows, and lanes are fewer than a panel has")]
+
 use pulp::Arch;
 
 use super::panel::Panel;

@@ -6,6 +6,10 @@
 //! the window is missing, or the noise gain may be too large.
 
 #![expect(
+    clippy::indexing_slicing,
+    reason = "windows lie in their rows, and sums have one more element than what they sum"
+)]
+#![expect(
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
 )]

@@ -1,5 +1,6 @@
 //! The sums and products of a [`Sheet`], in the registers of the CPU.
 
+#![expect(clippy::indexing_slicing, reason = "kernels and the places where they are known have the same lengths")]
 #![expect(
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"

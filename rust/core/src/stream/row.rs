@@ -1,5 +1,7 @@
 //! One row of outputs of a stream: what the sliding weights left, and what else is wanted.
 
+#![expect(clippy::indexing_slicing, reason = "results have a place for every sample")]
+
 use super::fitted::{Missing, Results, Wanted};
 use super::window::{Allowed, Local, Memory, Seen};
 use crate::engine::Sample;

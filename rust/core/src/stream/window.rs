@@ -1,5 +1,7 @@
 //! The fit of one window of a stream: of samples that are still few, miss some, or have times of their own.
 
+#![expect(clippy::indexing_slicing, reason = "the ring holds the window, and places are taken modulo its length")]
+
 use std::ops::Range;
 
 use pulp::Arch;

@@ -3,6 +3,10 @@
 //! The outputs of a tile lie a stride of taps apart, so that a register of samples serves four taps here as well.
 
 #![expect(
+    clippy::indexing_slicing,
+    reason = "blocks and pieces are cut to the outputs, and every output's window lies in the samples"
+)]
+#![expect(
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
 )]

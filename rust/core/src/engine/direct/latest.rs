@@ -1,6 +1,8 @@
 //! The outputs of one window, as streams want them: in the same order of the taps, without memory of their own, and without a
 //! way to panic.
 
+#![expect(clippy::indexing_slicing, reason = "the samples are as many as the taps")]
+
 use super::super::Sample;
 use super::order::in_order;
 use super::{Direct, Order};

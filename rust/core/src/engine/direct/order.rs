@@ -1,5 +1,6 @@
 //! The order in which the taps of every output are added, and the sums in that order where no tile fits.
 
+#![expect(clippy::indexing_slicing, reason = "outputs are cut to whole groups, whose windows lie in the samples")]
 #![expect(
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"

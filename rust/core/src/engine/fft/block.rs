@@ -1,5 +1,6 @@
 //! The outputs of a call, block after block.
 
+#![expect(clippy::indexing_slicing, reason = "blocks are cut to the samples and to the points of the transform")]
 #![expect(
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"

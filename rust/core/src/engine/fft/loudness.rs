@@ -1,5 +1,6 @@
 //! How large the samples of a block and of its windows are.
 
+#![expect(clippy::indexing_slicing, reason = "groups of samples are numbered within their block")]
 #![expect(
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"

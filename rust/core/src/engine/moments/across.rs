@@ -1,6 +1,10 @@
 //! Neighbouring rows across the registers: every sample, moment and output is a place of 64 bytes, a row in each lane.
 
 #![expect(
+    clippy::indexing_slicing,
+    reason = "matrices, moments and tiles have the sizes that the shape gives all of them"
+)]
+#![expect(
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
 )]

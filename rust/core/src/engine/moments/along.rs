@@ -1,6 +1,10 @@
 //! A row along the registers: neighbouring outputs, and the moments of a block, side by side.
 
 #![expect(
+    clippy::indexing_slicing,
+    reason = "matrices, moments and tiles have the sizes that the shape gives all of them"
+)]
+#![expect(
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
 )]

@@ -1,5 +1,7 @@
 //! What is decided before the first sample: the degree, the blocks, and the tables.
 
+#![expect(clippy::indexing_slicing, reason = "matrices have the sizes that the shape gives all of them")]
+
 use super::super::buffer::Buffer;
 use super::super::{Sample, Taps};
 use super::polynomial::{Legendre, Polynomial, Smooth, polynomials};

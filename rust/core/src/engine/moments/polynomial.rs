@@ -1,5 +1,10 @@
 //! Taps as polynomials, and polynomials in the bases of blocks.
 
+#![expect(
+    clippy::indexing_slicing,
+    reason = "the first and the last tap exist: there are at least as many as a polynomial needs"
+)]
+
 use super::super::Taps;
 use crate::error::{Error, try_vec};
 use crate::jacobi::{Jacobi, Recurrence};

@@ -1,5 +1,7 @@
 //! A thread's own memory.
 
+#![expect(clippy::indexing_slicing, reason = "places are kept between the start and the end of what is held")]
+
 use super::super::Sample;
 use super::super::buffer::Buffer;
 use super::super::stream::stream;

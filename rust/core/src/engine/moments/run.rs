@@ -1,5 +1,6 @@
 //! One run: block after block, with the moments that its windows need ahead of it.
 
+#![expect(clippy::indexing_slicing, reason = "blocks are cut to the outputs, and what they read to the samples")]
 #![expect(
     clippy::inline_always,
     reason = "what is not inlined is compiled for the lowest CPU, not for the dispatched one"
