@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import warnings
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,11 @@ Case = dict[str, Any]
 EPS = float(np.finfo(np.float64).eps)
 ENGINES = ("direct", "moments", "fft")
 GOLDEN = Path(__file__).parent / "golden"
+
+
+def soak(short: int, long: int) -> int:
+    """Return how often something is tried: `long` if the environment holds ``ALGDIFF_SOAK=1``, as in `make soak`."""
+    return long if os.environ.get("ALGDIFF_SOAK") == "1" else short
 
 
 def golden(name: str) -> list[Case]:

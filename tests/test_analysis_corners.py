@@ -186,3 +186,9 @@ def test_the_half_power_point_whatever_the_exponents(window_length: int, exponen
     assert gain[0] > np.sqrt(0.5) > gain[1]
     below = np.linspace(0.001, 0.999, 500) * ours.half_power
     assert (np.abs(ours.frequency_response(below)) > np.sqrt(0.5) * 2 * np.pi * below).all()
+
+
+def test_samples_without_a_weight_do_not_count_in_the_bound_of_the_bias() -> None:
+    with np.errstate(all="ignore"):
+        design = Differentiator(39, 1, degree=1, kappa=0, mu=1, tau=0.0018, delta=1.07e211, rule="simpson")
+    assert design.bias_bound > 0

@@ -403,3 +403,10 @@ def test_full_disk_is_an_error_of_the_system():
         audio.encode(stage, Path("/dev/full"), None, layout(data))
     stage.close()
     assert info.value.errno is not None
+
+
+@pytest.mark.parametrize("start", [b"\xff\xfb\x90\x00", b"OggS", b"MThd", b"", b"\x00"])
+def test_decoders_of_other_formats_are_not_asked(start: bytes, capfd: pytest.CaptureFixture[str]) -> None:
+    Path("x.wav").write_bytes(start + bytes(5000))
+    assert "not a whole WAV or FLAC file (it begins with" in error_of("x.wav")
+    assert capfd.readouterr().err == ""

@@ -25,8 +25,9 @@ from algdiff._formats.csv import CsvTarget
 from algdiff._formats.regions import InPlace
 from interrupted import LEFT, assert_result, small_blocks
 from kills import begin, content, kill, noted
+from support import soak
 
-KILLS = int(os.environ.get("ALGDIFF_KILLS", "12"))
+KILLS = soak(12, 100)
 CALL: dict[str, Any] = {"window_length": 21, "engine": "direct", "threads": 1}
 MODULES = {".h5": "h5py", ".zarr": "zarr", ".parquet": "pyarrow"}
 

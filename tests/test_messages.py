@@ -473,3 +473,14 @@ def test_what_states_and_dtypes_hold_is_shown_in_one_line() -> None:
     with pytest.raises(ValueError, match="state must hold") as caught:
         algdiff.Stream.from_state({**state, "design": {**state["design"], "a\nb": 1}})
     assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize("word", ["f4,(", "(2,", "\ud800", "no type"])
+def test_types_that_numpy_cannot_read(word: str) -> None:
+    design = algdiff.Differentiator(5)
+    for call in (lambda: design.stream(dtype=word), lambda: design.engine_for(word)):
+        with pytest.raises(TypeError, match="^dtype must be") as caught:
+            call()
+        assert str(caught.value).isprintable()
+    with pytest.raises(TypeError, match="^dtype must be"):
+        algdiff.differentiate_file("x.raw", "y.raw", window_length=5, dtype=word)

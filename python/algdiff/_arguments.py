@@ -141,11 +141,19 @@ def working_dtype(dtype: np.dtype[Any]) -> np.dtype[Any]:
     return np.dtype(np.float32 if dtype.kind == "f" and dtype.itemsize == 4 else np.float64)
 
 
+def any_dtype(name: str, dtype: DTypeLike) -> np.dtype[Any]:
+    """Return a type as NumPy's."""
+    try:
+        return np.dtype(dtype)
+    except (TypeError, ValueError, SyntaxError):  # words are parsed, and may be anything
+        raise TypeError(f"{name} must be a type of numbers like 'float32', got {shown(dtype)}") from None
+
+
 def real_dtype(name: str, dtype: DTypeLike) -> np.dtype[Any]:
     """Return float64 or float32 as NumPy's."""
     real: np.dtype[Any] | None = None
-    with suppress(TypeError, ValueError):
-        real = np.dtype(dtype)
+    with suppress(TypeError):
+        real = any_dtype(name, dtype)
     if real not in (np.float64, np.float32):
         raise TypeError(f"{name} must be float64 or float32, got {shown(dtype)}")
     return np.dtype(real.name)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from algdiff import _units as units
+from algdiff._refusals import printed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -123,7 +124,7 @@ def _said(error: BaseException | str) -> str:
     """Return what is said, in one line, with the command line's names for what the library calls otherwise."""
     if isinstance(error, OSError) and error.strerror:
         error = error.strerror if error.filename is None else f"{error.filename}: {error.strerror}"
-    line = " ".join(str(error).split()) or type(error).__name__
+    line = printed(" ".join(str(error).split())) or type(error).__name__
     for pattern, names in SAID:
         line = re.sub(pattern, names, line)
     return line

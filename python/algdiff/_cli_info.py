@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from contextlib import suppress
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from algdiff import _formats as formats
@@ -12,6 +13,7 @@ from algdiff import _units as units
 from algdiff._cli import UsageError
 from algdiff._cli_run import add_reading, reading
 from algdiff._places import MEMORY
+from algdiff._refusals import printed
 
 if TYPE_CHECKING:
     import argparse
@@ -44,7 +46,7 @@ def run(options: argparse.Namespace) -> None:
         place = formats.located("FILE", options.source)
     except ValueError as error:
         raise UsageError(error) from None
-    how = reading(options)
+    how = replace(reading(options), memory=MEMORY)
     arrays = [] if place.inner is not None or how.key is not None else _arrays(place)
     if len(arrays) > 1:
         known: dict[str, Any] = {
@@ -55,7 +57,7 @@ def run(options: argparse.Namespace) -> None:
         }
     else:
         known = _described(place, how, options)
-    print(json.dumps(known, indent=1, allow_nan=False) if options.json else _table(known))
+    print(json.dumps(known, indent=1, allow_nan=False) if options.json else printed(_table(known)))
 
 
 def _described(place: formats.Located, how: Options, options: argparse.Namespace) -> dict[str, Any]:

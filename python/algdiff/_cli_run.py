@@ -16,6 +16,7 @@ from algdiff import _formats as formats
 from algdiff import _units as units
 from algdiff._cli import MODES, UsageError, add_design, add_nan_policy, count, design_by, orders
 from algdiff._places import MEMORY
+from algdiff._refusals import printed
 
 if TYPE_CHECKING:
     import argparse
@@ -113,7 +114,7 @@ def run(options: argparse.Namespace) -> None:
     if options.json:
         print(json.dumps(report.to_dict(), allow_nan=False))
     elif not options.quiet:
-        print(task.summary(report), file=sys.stderr)
+        print(printed(task.summary(report)), file=sys.stderr)
 
 
 def reading(options: argparse.Namespace) -> Options:

@@ -20,7 +20,6 @@ from algdiff._core import Bank, Plan
 from algdiff._estimates import estimates
 from algdiff._filter import Filter
 from algdiff._orders import single
-from algdiff._refusals import shown
 from algdiff._run import run
 from algdiff._warnings import DesignWarning, outside
 from algdiff._wish import Call, Wish
@@ -257,10 +256,7 @@ class Differentiator(Wishes, Filter):
         >>> Differentiator(61, engine="direct").engine_for("float32")
         'direct'
         """
-        try:
-            kind = np.dtype(dtype)
-        except (TypeError, ValueError):
-            raise TypeError(f"dtype must be a type of numbers like 'float32', got {shown(dtype)}") from None
+        kind = arguments.any_dtype("dtype", dtype)
         return self._bank.engine(single=arguments.working_dtype(kind) in (np.float32, np.complex64))
 
     def __call__(

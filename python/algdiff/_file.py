@@ -264,7 +264,7 @@ def asked(
             key=key,
             columns=None if columns is None else tuple(map(str, columns)),
             time=None if time is None else str(time),
-            dtype=None if dtype is None else np.dtype(dtype),
+            dtype=None if dtype is None else arguments.any_dtype("dtype", dtype),
             channels=None if channels is None else arguments.integer("channels", channels, 1),
             offset=arguments.integer("offset", offset, 0),
         ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import astuple, replace
 from functools import cached_property
 from pathlib import Path
@@ -145,6 +146,12 @@ class Job:
         orders, layout = len(self.layout.orders), self.layout
         copies = 2 if self.fits is None else 5
         grain = formats.grain(self.target, layout)
+        chunk = 0 if self.source.chunks is None else math.prod(self.source.chunks) * self.source.dtype.itemsize
+        if grain is not None and chunk > memory:  # else blocks hold whole chunks
+            raise ValueError(
+                f"memory must be at least {chunk} bytes for a chunk of {self.source.chunks} samples of "
+                f"{self.source.path}, got {memory}"
+            )
         try:
             return Cuts(
                 layout.shape,

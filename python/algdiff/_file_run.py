@@ -56,6 +56,9 @@ def journal_of(job: Job, *, overwrite: bool, resume: bool) -> Iterator[Journal]:
     with _naming(job.target.given):
         if partial.is_dir() and job.target.form.name != "zarr":
             raise FileExistsError(f"{partial}: must be free for the unfinished output, got a folder")
+        for path in (partial, partial.with_name(f"{partial.name}.journal")):
+            if path.is_symlink():  # which would have another file written
+                raise FileExistsError(f"{path}: must be free for the unfinished output, got a link")
         journal = Journal(partial, job.header(), resume=resume, overwrite=overwrite)
     try:
         yield journal
@@ -106,6 +109,7 @@ def _finish(job: Job, journal: Journal, final: Path, overwrite: bool) -> None:
     encoded = partial.with_name(partial.name + ".encoded")
     stage = Stage(partial, job.layout, table=job.target.form.table)
     try:
+        remove(encoded)  # or a link in its place, which would be followed
         formats.encode(job.target, stage, encoded, job.layout)
         with open(encoded, "rb+") as file:
             os.fsync(file.fileno())
@@ -132,7 +136,7 @@ class _Pipeline:
 
     def __init__(self, job: Job, journal: Journal, threads: int, progress: Progress | None) -> None:
         self.job, self.journal, self.threads, self.progress = job, journal, threads, progress
-        self.places = list(job.cuts)
+        self.places = job.cuts
         self.inputs, self.outputs = Buffers(), Buffers()
         self.saved = time.monotonic()
         self.written = journal.done

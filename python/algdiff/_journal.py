@@ -12,6 +12,9 @@ from typing import Any
 
 from algdiff._output import remove
 
+HOW = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
+"""How a journal is opened: it is no link, which somebody else may have put there to have another file written."""
+
 
 class Journal:
     """The journal of one run: what was asked for, and after every checkpoint how many blocks are safe.
@@ -73,7 +76,7 @@ class Journal:
         """Open the journal and lock it."""
         while True:
             # Without a buffer, which would be written once more when a full disk let it fail.
-            self.file = open(os.open(self.path, os.O_RDWR | os.O_CREAT, 0o666), "r+b", buffering=0)  # noqa: SIM115
+            self.file = open(os.open(self.path, HOW, 0o666), "r+b", buffering=0)  # noqa: SIM115
             self.end = 0
             try:
                 self._lock()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from typing import TYPE_CHECKING
 
@@ -125,21 +124,31 @@ class Cuts:
         return range(index) if self.fortran else range(index + 1, len(self.shape))
 
     def __len__(self) -> int:
-        return math.prod(len(starts) for starts in self._starts())
+        return math.prod(
+            1 + len(starts) if extent else 0 for starts, extent in zip(self._later, self.shape, strict=True)
+        )
+
+    def __getitem__(self, index: int) -> tuple[slice, ...]:
+        """Return the place of a block in the shape of the outputs; a header may promise more than a list can hold."""
+        if not 0 <= index < len(self):
+            raise IndexError(index)
+        place = []
+        cuts = list(zip(self._later, self.shape, strict=True))
+        for starts, extent in cuts if self.fortran else reversed(cuts):
+            index, turn = divmod(index, 1 + len(starts))
+            start = starts[turn - 1] if turn else 0
+            place.append(slice(start, starts[turn] if turn < len(starts) else extent))
+        return tuple(place if self.fortran else reversed(place))
 
     def __iter__(self) -> Iterator[tuple[slice, ...]]:
-        """Yield the places of the blocks in the shape of the outputs."""
-        cuts = [
-            [slice(*pair) for pair in itertools.pairwise((*starts, extent))]
-            for starts, extent in zip(self._starts(), self.shape, strict=True)
-        ]
-        if self.fortran:
-            return (place[::-1] for place in itertools.product(*cuts[::-1]))
-        return itertools.product(*cuts)
+        """Yield the places of the blocks."""
+        return map(self.__getitem__, range(len(self)))
 
-    def _starts(self) -> list[list[int]]:
-        starts = []
-        for index, (step, extent) in enumerate(zip(self.extents, self.shape, strict=True)):
-            first = step + self.before if index == self.axis else step
-            starts.append([0, *range(first, extent, max(step, 1))] if extent else [])
-        return starts
+    @property
+    def _later(self) -> list[range]:
+        """Where blocks start along every axis, but for the first."""
+        steps = [max(step, 1) for step in self.extents]
+        firsts = [step + (self.before if axis == self.axis else 0) for axis, step in enumerate(self.extents)]
+        return [
+            range(max(first, 1), extent, step) for first, extent, step in zip(firsts, self.shape, steps, strict=True)
+        ]

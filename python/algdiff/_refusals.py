@@ -60,7 +60,7 @@ def listed(names: Sequence[object]) -> str:
 
 
 def told(what: object) -> str:
-    """Return a name, or what an error says, as messages quote it: in one line and short; or else the kind of the error."""
+    """Return a name, or what an error says, as messages quote it: in one line and short; or its kind."""
     return _line(printed(str(what)), 2 * LONGEST) or type(what).__name__
 
 

@@ -161,7 +161,9 @@ class _Rows(Data):
         real = values.dtype.kind == "f"
         cval = complex(call.cval)
         parts = [(values, cval.real)] if real else [(values.real, cval.real), (values.imag, cval.imag)]
-        self.parts = [(np.ascontiguousarray(np.moveaxis(part, 0, self.axis)), constant) for part, constant in parts]
+        self.parts = [
+            (np.require(np.moveaxis(part, 0, self.axis), requirements=["C", "A"]), constant) for part, constant in parts
+        ]
         self._weigh(self.wish, len(parts))
         if self.missing and self.wish.nan_policy == "raise":
             self._refuse_missing(values)

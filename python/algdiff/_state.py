@@ -78,7 +78,8 @@ def put(stream: Stream, state: dict[str, Any]) -> None:
         held = [float(value) for value in state["samples"]], [float(value) for value in state["times"]], state["count"]
         stream._restore(*held)
     except (TypeError, ValueError, OverflowError) as error:
-        raise ValueError(f"state must hold the samples, times and count of a stream, got others ({told(error)})") from None
+        got = f"others ({told(error)})"
+        raise ValueError(f"state must hold the samples, times and count of a stream, got {got}") from None
 
 
 def _check(state: object) -> None:

@@ -17,6 +17,9 @@ from algdiff._formats.base import Layout, Options, Place, Samples, Source
 from algdiff._formats.stage import Stage
 from algdiff._formats.tables import choose
 
+MAGIC = (b"RIFF", b"RIFX", b"RF64", b"riff", b"fLaC", b"FORM")
+"""How files begin that are read, or refused by their name."""
+
 FORMATS = ("WAV", "WAVEX", "RF64", "W64", "FLAC")
 """What libsndfile reads sample by sample, and calls so."""
 
@@ -123,7 +126,11 @@ def _ends() -> str:
 
 
 def _opened(path: Path) -> sf.SoundFile:
-    open(path, "rb").close()  # of what cannot be opened, errors of the system say more
+    with open(path, "rb") as file:  # of what cannot be opened, errors of the system say more
+        start = file.read(4)
+    # Of what begins otherwise the decoders of other formats would try to make sense.
+    if start not in MAGIC and start[:3] != b"ID3":
+        raise ValueError(f"{path}: not a whole WAV or FLAC file (it begins with {start!r})")
     with _telling(path):
         return sf.SoundFile(os.fsencode(path) if os.name == "posix" else str(path))
 

@@ -39,9 +39,9 @@ class CsvSource(TableSource):
     def __init__(self, path: Path, options: Options) -> None:
         super().__init__(path, open(path, "rb"))
         try:
+            self.lines = Lines(self.file, path)  # before a line is read that has no end
             self.delimiter, fields = first_row(self._first_line())
             self.header = None if _are_samples(fields, options.time) else fields
-            self.lines = Lines(self.file, path)
             self.before = int(self.header is not None)
             rows = self.lines.count - self.before
             if rows < 1:
@@ -57,6 +57,7 @@ class CsvSource(TableSource):
             raise
 
     def _first_line(self) -> str:
+        self.file.seek(0)
         line = END.split(self.file.readline(LONGEST).removeprefix(codecs.BOM_UTF8), maxsplit=1)[0]
         try:
             return line.decode()

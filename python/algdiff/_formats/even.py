@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from algdiff._formats.base import Samples
+from algdiff._refusals import shown
 from algdiff._times import _seconds
 
 SHARE = 1e-3
@@ -63,7 +64,7 @@ class Even:
         if rows < 2 and span == 0:
             return
         if not (step > 0 and math.isfinite(step)):
-            raise ValueError(f"{path}: the times in {name!r} must ascend, got {ends[0]} first and {ends[-1]} last")
+            raise ValueError(f"{path}: the times in {shown(name)} must ascend, got {ends[0]} first and {ends[-1]} last")
         size = 0.0 if ends.dtype.kind == "M" else float(np.abs(ends).max())
         exact = 4 * rounding * size + 8 * 2.0**-53 * span
         self.step, self.allowed = step, min(max(SHARE * step, _unit(some)) + exact, MOST * step)

@@ -19,7 +19,7 @@ CACHE = 32 << 20
 """Bytes of chunks that are kept between regions, which overlap: more only if one compressed chunk has more."""
 
 LINKS = 16
-"""Soft links that are followed on the way to an array."""
+"""Soft links that are followed on the way to an array, and how deep parts may lie within parts."""
 
 RANK = 32
 """Dimensions that HDF5 can hold."""
@@ -45,7 +45,7 @@ class Hdf5Source(Source):
         try:
             with _telling(path):
                 self.name = _only(self.file, path) if inner is None else _resolved(self.file, path, inner)
-                _check(self.file, path, self.name, set())
+                _check(self.file, path, self.name, {})
                 self.dataset = _cached(self.file, self.name)
                 self.shape, self.dtype, self.chunks = self.dataset.shape, self.dataset.dtype, self.dataset.chunks
                 self.attributes = _attributes(self.dataset)
@@ -80,7 +80,7 @@ class Hdf5Source(Source):
             attributes = _attributes(scale)
             if _fault(scale) is not None or str(attributes.get("NAME")).startswith(UNWRITTEN):
                 continue
-            _check(self.file, self.path, scale.name, set())
+            _check(self.file, self.path, scale.name, {})
             coordinate = steps.Coordinate(
                 scale.name, scale.shape, scale.dtype, attributes.get("units"), scale.__getitem__
             )
@@ -180,8 +180,12 @@ def _fault(dataset: h5py.Dataset) -> str | None:
     return None if dtype.kind in "biufc" else f"dtype {dtype}"
 
 
-def _check(file: h5py.File, path: Path, name: str, seen: set[str]) -> None:
-    """Raise ValueError unless an object is a dataset of numbers that lies in the file, with all its `seen` parts."""
+def _check(file: h5py.File, path: Path, name: str, depths: dict[str, int]) -> int:
+    """Raise ValueError unless an object is a dataset of numbers that lies in the file, with all its parts.
+
+    Returns, and notes in `depths`, how deep parts lie within parts. The library follows them without looking where: it
+    overflows the stack of the process if they are deep, or made of themselves.
+    """
     found = file[name]
     if isinstance(found, h5py.Group):
         raise ValueError(f"{path}:{name} must be a dataset, got a group that holds {_held(found, path)}")
@@ -192,13 +196,16 @@ def _check(file: h5py.File, path: Path, name: str, seen: set[str]) -> None:
         raise ValueError(f"{path}:{name} must be an array of real or complex numbers, got {fault}")
     if found.external is not None:
         raise ValueError(f"{path}:{name} must be in the file itself, got numbers in {found.external[0][0]}")
+    depth, depths[name] = 0, LINKS  # whatever leads back here is too deep
     for source in found.virtual_sources() if found.is_virtual else ():
         if source.file_name != ".":
             raise ValueError(f"{path}:{name} must be in the file itself, got parts in {source.file_name}")
         part = _resolved(file, path, source.dset_name)
-        if part not in seen:
-            seen.add(part)
-            _check(file, path, part, seen)
+        depth = max(depth, 1 + (depths[part] if part in depths else _check(file, path, part, depths)))
+        if depth > LINKS:
+            raise ValueError(f"{path}:{name} must be made of parts at most {LINKS} deep, got deeper ones at {part}")
+    depths[name] = depth
+    return depth
 
 
 def _cached(file: h5py.File, name: str) -> h5py.Dataset:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from algdiff._formats import steps
+from algdiff._refusals import told
 
 NUMBERS = re.compile(r"bool|u?int(8|16|32|64)|float(16|32|64)|complex(64|128)")
 """Types of numbers in format 3, as NumPy calls them too."""
@@ -98,8 +99,7 @@ def telling(path: Path) -> Iterator[None]:
     except Exception as error:
         if isinstance(error, ValueError) and str(error).startswith(str(path)):
             raise
-        said = " ".join(f"{error}".split()) or type(error).__name__
-        raise ValueError(f"{path}: not a whole Zarr store ({said})") from None
+        raise ValueError(f"{path}: not a whole Zarr store ({told(error)})") from None
 
 
 def split(name: str) -> list[str]:

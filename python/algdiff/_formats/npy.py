@@ -11,6 +11,7 @@ import numpy as np
 
 from algdiff._formats.base import Layout, Options, Place, Samples, Source, Target
 from algdiff._formats.regions import InPlace, Region
+from algdiff._refusals import told
 
 HEADER = 10_000
 """Bytes of the longest header that is read, as by NumPy."""
@@ -51,8 +52,7 @@ def read_header(file: IO[bytes], where: Path | str) -> tuple[tuple[int, ...], bo
     except OSError:
         raise
     except Exception as error:  # a header is a Python expression, in which anything may be wrong
-        said = " ".join(str(error).split()) or type(error).__name__
-        raise ValueError(f"{where}: not a whole .npy array ({said})") from None
+        raise ValueError(f"{where}: not a whole .npy array ({told(error)})") from None
     if dtype.hasobject:
         raise ValueError(f"{where} must hold real or complex numbers, got Python objects")
     return check_numbers(where, tuple(shape), dtype), bool(fortran), dtype

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -15,7 +16,7 @@ from algdiff._formats.base import Layout, Options, Place, Samples, Source
 from algdiff._formats.npy import read_header, write_header
 from algdiff._formats.regions import Region
 from algdiff._formats.stage import Stage
-from algdiff._refusals import listed
+from algdiff._refusals import listed, shown, told
 
 PIECE = 1 << 20
 """Bytes that are unpacked at once."""
@@ -92,8 +93,7 @@ def _telling(path: Path) -> Iterator[None]:
             raise
         if isinstance(error, ValueError) and str(error).startswith(str(path)):
             raise
-        said = " ".join(str(error).split()) or type(error).__name__
-        raise ValueError(f"{path}: not a whole .npz file ({said})") from None
+        raise ValueError(f"{path}: not a whole .npz file ({told(error)})") from None
 
 
 def check(path: Path, inner: str | None, layout: Layout) -> None:
@@ -104,6 +104,8 @@ def check(path: Path, inner: str | None, layout: Layout) -> None:
         raise ValueError(f"key must be text, got {layout.key!r}") from None
     if b"\0" in name or len(name) > NAME:
         raise ValueError(f"key must be at most {NAME - 4} bytes of text, got {layout.key[:20]!r} with {len(name) - 4}")
+    if layout.key.startswith("/") or ".." in re.split(r"[/\\]", layout.key):
+        raise ValueError(f"key must not lead out of the folder that a .npz OUT is unpacked in, got {shown(layout.key)}")
 
 
 def encode(stage: Stage, path: Path, inner: str | None, layout: Layout) -> None:

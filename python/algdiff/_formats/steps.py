@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from algdiff import _refusals as refusals
 from algdiff._formats.base import Layout, Samples
 from algdiff._formats.even import Even
 
@@ -72,7 +73,9 @@ def stated(where: str, attributes: Mapping[str, Any]) -> float | None:
             with suppress(ValueError):
                 number = float(number)
         if isinstance(number, bool) or not isinstance(number, int | float):
-            raise ValueError(f"{where}: its attribute {name} must be a number, got {number!r}; give delta or fs")
+            raise ValueError(
+                f"{where}: its attribute {name} must be a number, got {refusals.shown(number)}; give delta or fs"
+            )
         step = _positive(number) if name.lower() in STEPS else _positive(1.0 / _positive(number))
         if math.isnan(step):
             raise ValueError(f"{where}: its attribute {name} must be positive and finite, got {number}")
@@ -165,7 +168,7 @@ def along(path: Path, coordinate: Coordinate, samples: int) -> float | None:
     for first in range(0, samples, PIECE):
         fault = even.fault(first, coordinate.times(first, min(first + PIECE, samples), origin))
         if fault is not None:
-            raise ValueError(f"{path}: the time at place {first + fault[0]} of {name!r} {fault[1]}")
+            raise ValueError(f"{path}: the time at place {first + fault[0]} of {refusals.shown(name)} {fault[1]}")
     return None if even.step is None else even.step * seconds
 
 
@@ -220,4 +223,4 @@ def dimensions(layout: Layout) -> list[str] | None:
 
 def shown(path: Path, names: list[str]) -> str:
     """Return the names of arrays as a caller would give them: at most ten."""
-    return ", ".join(f"{path}:{name}" for name in names[:10]) + (", ..." if len(names) > 10 else "")
+    return ", ".join(f"{path}:{refusals.told(name)}" for name in names[:10]) + (", ..." if len(names) > 10 else "")

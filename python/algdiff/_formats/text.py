@@ -7,6 +7,8 @@ import re
 from datetime import datetime
 from typing import TYPE_CHECKING
 
+from algdiff._refusals import shown
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -74,7 +76,7 @@ def fault(lines: Sequence[str], delimiter: str, kinds: Sequence[str], before: in
                 return f"{line} must have {len(kinds)} columns as the rows before it, got {len(row)}"
             for position, (field, kind) in enumerate(zip(row, kinds, strict=True)):
                 if not holds(kind, field):
-                    return f"{line}, column {position} must be {kind}, got {field!r}"
+                    return f"{line}, column {position} must be {kind}, got {shown(field)}"
     except csv.Error as error:
         return f"line {before + number + 1} cannot be read ({error})"
     return None

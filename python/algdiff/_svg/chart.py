@@ -9,6 +9,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from algdiff._refusals import printed
 from algdiff._svg import points
 from algdiff._svg.axes import Axis, Ticks, given, span
 from algdiff._svg.style import DASHES, STYLE
@@ -23,10 +24,6 @@ EDGE = 10
 """What is left free at the right."""
 SAMPLE = 26
 """Width of a line in the legend, and what follows it."""
-CONTROL = (*range(9), *range(11, 32), *range(127, 160), *range(0xD800, 0xE000), 0xFFFE, 0xFFFF)
-DIRECTION = (*range(0x202A, 0x202F), *range(0x2066, 0x206A))
-UNPRINTED = dict.fromkeys((*CONTROL, *DIRECTION), "\N{REPLACEMENT CHARACTER}")
-"""Characters that XML does not allow, that show nothing, or that turn what follows around."""
 
 
 class Curve(NamedTuple):
@@ -142,7 +139,7 @@ def chart(
 
 def text(words: object) -> str:
     """Return words as they can stand in XML and HTML, in text and in quoted attributes."""
-    return escape(str(words).translate(UNPRINTED), {'"': "&quot;", "'": "&#39;"})
+    return escape(printed(str(words)), {'"': "&quot;", "'": "&#39;"})
 
 
 def _lines(curves: Sequence[Curve], marks: Sequence[Mark]) -> tuple[list[_Line], list[_Line]]:

@@ -137,6 +137,8 @@ impl Plan {
             .weights()
             .iter()
             .enumerate()
+            // A sample without a weight counts for nothing, however large its power is.
+            .filter(|(_, w)| **w != 0.0)
             .map(|(j, w)| w.abs() * over_factorial((j as f64 - position).abs() * delta, order))
             .sum::<f64>();
         if order == deriv {

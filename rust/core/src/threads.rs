@@ -119,7 +119,8 @@ pub fn share<Task: Send>(
                 Err(panic) => std::panic::resume_unwind(panic),
             }
         }
-        result
+        // What was heard when all was done is heard all the same: it must not be lost.
+        result.and_then(|()| progress.proceed(0, &mut || ()))
     })
 }
 
