@@ -458,7 +458,7 @@ def test_internal_errors_can_be_pickled() -> None:
 @pytest.mark.parametrize("word", ["a\nb", "a" * 5000, "\ud800", "\x1b[31m"])
 @pytest.mark.parametrize("name", ["tau", "rule", "engine", "mode", "nan_policy", "edge_window"])
 def test_words_that_cannot_be_printed_are_shown_as_python_writes_them(name: str, word: str) -> None:
-    with pytest.raises(ValueError, match=f"^{name} must be") as caught:
+    with pytest.raises(ValueError, match=rf"^{name} must be") as caught:
         algdiff.differentiate(np.arange(9.0), 5, **{name: word})
     said = str(caught.value)
     assert said.isprintable()
@@ -467,7 +467,7 @@ def test_words_that_cannot_be_printed_are_shown_as_python_writes_them(name: str,
 
 def test_what_states_and_dtypes_hold_is_shown_in_one_line() -> None:
     design = algdiff.Differentiator(5)
-    with pytest.raises(TypeError, match="dtype must be float64 or float32, got '.ud800'"):
+    with pytest.raises(TypeError, match=r"dtype must be float64 or float32, got '.ud800'"):
         design.stream(dtype="\ud800")
     state = design.stream().state
     with pytest.raises(ValueError, match="state must hold") as caught:
@@ -479,8 +479,8 @@ def test_what_states_and_dtypes_hold_is_shown_in_one_line() -> None:
 def test_types_that_numpy_cannot_read(word: str) -> None:
     design = algdiff.Differentiator(5)
     for call in (lambda: design.stream(dtype=word), lambda: design.engine_for(word)):
-        with pytest.raises(TypeError, match="^dtype must be") as caught:
+        with pytest.raises(TypeError, match=r"^dtype must be") as caught:
             call()
         assert str(caught.value).isprintable()
-    with pytest.raises(TypeError, match="^dtype must be"):
+    with pytest.raises(TypeError, match=r"^dtype must be"):
         algdiff.differentiate_file("x.raw", "y.raw", window_length=5, dtype=word)
