@@ -1,4 +1,5 @@
-.PHONY: help dev fmt lint test-rust test-registers instructions docs test check bench soak soak-tests fuzz mutants asan valgrind coverage audit wheel
+.PHONY: help dev fmt lint test-rust test-registers instructions docs test check bench soak soak-tests fuzz mutants asan
+.PHONY: valgrind coverage audit advisories wheel matrix sdist reproducible publish
 
 PYTHON ?= python
 HOST = $(shell rustc -vV | sed -n 's/^host: //p')
@@ -6,7 +7,7 @@ HOST = $(shell rustc -vV | sed -n 's/^host: //p')
 SOAKED = $(shell grep -l 'soak(' tests/test_*.py)
 
 help: ## list the targets
-	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/:/' | column -t -s:
+	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed 's/:[^#]*## /~/' | column -t -s~
 
 dev: ## install the package and all tools into the current environment
 	$(PYTHON) -m pip install '.[test,lint,demo,bench,docs]'
@@ -73,3 +74,26 @@ valgrind: ## every part of the installed package under valgrind
 
 coverage: ## the share of lines that tests reach, in Rust and Python; needs the compiler's llvm-tools
 	$(PYTHON) tools/coverage.py
+
+# What follows goes into a release, or builds one, and needs tools/requirements.txt: RELEASE.md.
+
+audit: ## the crates that go into a wheel: how many, from where, under which licences; needs cargo-deny
+	$(PYTHON) tools/audit.py
+
+advisories: ## known vulnerabilities of crates; needs cargo-deny and the network
+	cargo deny --locked check advisories
+
+wheel: ## the wheel that is published, in dist/, audited
+	$(PYTHON) tools/wheel.py $(if $(TAG),--tag $(TAG))
+
+matrix: ## quick tests of that wheel on every CPython there is, with NumPy old and new; WANT says which must be there
+	$(PYTHON) tools/matrix.py $(if $(WANT),--want $(WANT))
+
+sdist: ## the source distribution in dist/, installed where there is nothing but Cargo
+	$(PYTHON) tools/sdist.py
+
+reproducible: ## wheel and source distribution built twice, and compared bit by bit
+	$(PYTHON) tools/reproducible.py
+
+publish: ## upload what is in dist/: only the hosted workflow may
+	$(PYTHON) -m twine upload --non-interactive dist/*
