@@ -276,3 +276,8 @@ def test_durations_shorter_than_a_fit_are_raised_whatever_else_is_given() -> Non
 def test_an_empty_out_is_as_good_as_none() -> None:
     out = np.zeros((0, 20))
     assert algdiff.differentiate(out.copy(), 5, out=out) is out
+
+
+def test_a_single_time_that_is_no_number_is_named() -> None:
+    with pytest.raises(ValueError, match="at must be a one-dimensional array of finite times, got nan at place 0"):
+        algdiff.differentiate(np.arange(20.0), 5, t=np.arange(20.0), at=np.nan)

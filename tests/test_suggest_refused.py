@@ -164,6 +164,12 @@ def test_words_of_the_call() -> None:
         algdiff.suggest(X, 1, 3)  # type: ignore[misc]
 
 
+def test_noise_whose_square_is_no_number() -> None:
+    with pytest.raises(ValueError, match=r"sigma must be at most 1e\+100 times as large as the samples, got 1e\+300"):
+        algdiff.suggest(X, sigma=1e300)
+    assert np.isfinite(algdiff.suggest(X, sigma=1e90).rmse)
+
+
 @pytest.mark.xfail(strict=True, raises=RuntimeWarning, reason="what is left of the shortest windows is no number")
 def test_exponents_of_which_windows_keep_one_sample() -> None:
     suggestion = algdiff.suggest(X, kappa=60, mu=60)

@@ -81,7 +81,7 @@ def check_times(name: str, times: NDArray[np.float64], given: ArrayLike) -> None
     finite = np.isfinite(times)
     if not finite.all():
         place = int(np.argmin(finite))
-        wrong = np.asarray(given)[place]
+        wrong = np.ravel(np.asarray(given))[place]
         raise ValueError(f"{name} must be a one-dimensional array of finite times, got {wrong} at place {place}")
 
 

@@ -22,6 +22,9 @@ from algdiff._suggest.wanted import FEWEST, Wanted, sampled, wanted
 
 Floats = NDArray[np.float64]
 
+LOUDEST = 1e100
+"""Noise that may be stated, in units of the samples."""
+
 
 class Chosen(NamedTuple):
     """A choice: the design, the rows and the level that it was made from."""
@@ -55,6 +58,8 @@ def chosen(x: Samples, axis: int, want: Wanted) -> Chosen:
         )
     rows, scale = scaled(rows, of_noise=want.sigma is None)
     known = None if want.sigma is None else want.sigma / float(scale[0])
+    if known is not None and known > LOUDEST:  # its square would not be a number
+        raise ValueError(f"sigma must be at most {LOUDEST:g} times as large as the samples, got {want.sigma:g}")
     level = Search(want.deriv, want.limits, want.exponent, known, want.noise).run(rows)
     best, step = level.risk.best, level.step
     degree = int(level.family.degree[best])
