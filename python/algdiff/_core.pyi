@@ -13,6 +13,7 @@ __all__ = [
     "Simultaneous",
     "Stream",
     "delay_tradeoff",
+    "fail_inside",
     "lambdas",
     "registers",
 ]
