@@ -16,6 +16,7 @@ import random
 import re
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -28,6 +29,8 @@ RUST = ("design", "engines", "streams")
 PYTHON = ("headers", "designs", "front")
 ROUND = 1_000_000
 """Executions of one process: atheris keeps some memory of every one."""
+SHARED = "/dev/shm"  # noqa: S108 - a new folder is made in it
+"""Where files lie in memory, on systems that have it."""
 SECONDS = 30
 """What one execution may take; the usual one takes below a millisecond."""
 SEEN = re.compile(r"#(\d+)\t\S+\s+cov: (\d+) ft: (\d+)")
@@ -137,7 +140,8 @@ def run(target: str, options: argparse.Namespace) -> Result:
             break
         flags = [f"-runs={min(ROUND, options.runs - done)}", f"-timeout={SECONDS}", "-max_len=512", "-reload=0"]
         flags += [f"-artifact_prefix={artifacts}/"] + ([] if options.seconds is None else [f"-max_total_time={left}"])
-        output, broke = follow([*command(target, corpus, options), *flags])
+        with tempfile.TemporaryDirectory(dir=SHARED if os.path.isdir(SHARED) else None) as folder:
+            output, broke = follow([*command(target, corpus, options), *flags], folder)
         found = SEEN.findall(output)
         executions, coverage, features = map(int, found[-1]) if found else (0, coverage, features)
         done += executions
@@ -149,11 +153,11 @@ def run(target: str, options: argparse.Namespace) -> Result:
     return result
 
 
-def follow(words: Sequence[str]) -> tuple[str, bool]:
-    """Return the end of what a process says, and whether it broke."""
+def follow(words: Sequence[str], folder: str) -> tuple[str, bool]:
+    """Return the end of what a process says that has a folder for its files, and whether it broke."""
     process = subprocess.Popen(
         words,
-        env=environment(),
+        env={**environment(), "TMPDIR": folder},
         cwd=HERE.parent,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,

@@ -33,9 +33,9 @@ def run_python(code: str, **environment: str) -> subprocess.CompletedProcess[str
     return subprocess.run(command, env={**os.environ, **environment}, check=False, **options)
 
 
-def printed_by(code: str) -> str:
+def printed_by(code: str, **environment: str) -> str:
     """Return what `code` prints, which must not fail."""
-    result = run_python(code)
+    result = run_python(code, **environment)
     assert result.returncode == 0, result.stderr
     return result.stdout.strip()
 

@@ -188,6 +188,12 @@ def test_the_half_power_point_whatever_the_exponents(window_length: int, exponen
     assert (np.abs(ours.frequency_response(below)) > np.sqrt(0.5) * 2 * np.pi * below).all()
 
 
+def test_windows_that_last_longer_than_any_number_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"delta must be such that a window does not last longer .*, got 1e\+?308"):
+        Differentiator(11, 0, delta=1e308)
+    assert Differentiator(11, 0, delta=1e306).half_power > 0
+
+
 def test_samples_without_a_weight_do_not_count_in_the_bound_of_the_bias() -> None:
     with np.errstate(all="ignore"):
         design = Differentiator(39, 1, degree=1, kappa=0, mu=1, tau=0.0018, delta=1.07e211, rule="simpson")

@@ -20,6 +20,8 @@ PAGES = {
     "README.md": "docs/index.md",
     "CHANGELOG.md": "docs/changelog.md",
     "CONTRIBUTING.md": "docs/contributing.md",
+    "RELEASE.md": "docs/releasing.md",
+    "SECURITY.md": "docs/security.md",
     "docs/decisions": "docs/decisions/README.md",
 }
 """Where the site has what the repository has at another path."""

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import resource
 import sys
-import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -19,15 +17,7 @@ MEMORY = 4 << 30
 LONGEST = 1000
 """Characters of a message, at most."""
 
-SHARED = "/dev/shm"  # noqa: S108 - new folders are made in it
-"""Where files lie in memory, on systems that have it."""
-
 Error = type[BaseException]
-
-
-def folder() -> Path:
-    """Return a new folder."""
-    return Path(tempfile.mkdtemp(dir=SHARED if os.path.isdir(SHARED) else None))
 
 
 @contextmanager

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import json
 import math
+import tempfile
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import atheris
@@ -19,9 +21,9 @@ with atheris.instrument_imports(include=["algdiff"]):
     from algdiff._designer.query import DATA, OWN, RefusedError, asked
     from algdiff._designer.recording import Recording
     from algdiff._journal import Journal
-from common import folder, main, only
+from common import main, only
 
-FOLDER = folder()
+FOLDER = Path(tempfile.mkdtemp())
 PATH, PARTIAL = FOLDER / "design.json", FOLDER / "x.npy.part"
 HEADER = {"blocks": [3, 4], "src": ["x.npy", 1, 2], "words": {"deriv": 1}}
 LINE = (json.dumps(HEADER, sort_keys=True) + "\n").encode()

@@ -9,8 +9,10 @@ from __future__ import annotations
 import io
 import json
 import math
+import tempfile
 import zipfile
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import atheris
@@ -25,11 +27,11 @@ with atheris.instrument_imports(include=["algdiff"]):
         from algdiff._formats import audio
     except ImportError:
         audio = None
-from common import folder, main, only
+from common import main, only
 
 LARGE = 1 << 20
 """Bytes of an array that is read whole."""
-FOLDER = folder()
+FOLDER = Path(tempfile.mkdtemp())
 STORE = FOLDER / "x.zarr"
 STORE.mkdir()
 SUFFIXES = ("npy", "npz", "csv", "raw", "wav", "zarr.json", ".zarray", ".zattrs")

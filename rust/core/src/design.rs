@@ -61,6 +61,9 @@ impl Design {
         if !(delta.is_finite() && delta > 0.0) {
             return Err(Error::argument("delta", delta, "finite and positive"));
         }
+        if !(window_length as f64 * delta).is_finite() {
+            return Err(Error::argument("delta", delta, "such that a window does not last longer than any number"));
+        }
         if !(0.0..0.5).contains(&trim) {
             return Err(Error::argument("trim", trim, "at least 0 and less than 1/2"));
         }
