@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 WANTED = 0.95  # share of the mutants that tests must kill
 SLOWER = 10  # so many times the plain time, a run counts as hanging,
 LEAST = 20.0  # but not before so many seconds
+QUICK = 2.0  # seconds of tests that every mutant meets before others
 ROOM = 12 << 30  # bytes of address space: a mutated size must not take the machine down
 # Branches that are never taken are slow unoptimised, and take long to optimise.
 PROFILE = "profile.release.package.algdiff-core.opt-level=1"
@@ -111,7 +112,7 @@ class Runner:
         self.work, self.jobs, self.python = work, jobs, python
         self.unit = ""
         self.integration: list[str] = []
-        self.limits: dict[str, float] = {}
+        self.seconds: dict[str, float] = {}
 
     def build(self) -> None:
         """Compile the tests and the extension, and put that into the package that is copied."""
@@ -127,7 +128,7 @@ class Runner:
         if Path(done.stdout).parent != package:
             raise SystemExit(f"the tests would meet {done.stdout} instead of the copy")
 
-    def run(self, command: Sequence[str], mutant: Mutant | None, what: str) -> str:
+    def run(self, command: Sequence[str], mutant: Mutant | None = None) -> str:
         """Return which test fails first, or nothing."""
         alive = mutant.name if mutant and mutant.kind != "rebuild" else ""
         environment = {**os.environ, VARIABLE: alive, "PYTHONPATH": str(self.work / "python"), "NO_COLOR": "1"}
@@ -136,7 +137,8 @@ class Runner:
         failed = last = ""
         with subprocess.Popen(command, cwd=self.work, env=environment, preexec_fn=child, **pipes) as process:
             late = threading.Event()
-            watch = threading.Timer(self.limits.get(what, 3600.0), lambda: (late.set(), end(process)))
+            limit = max(LEAST, SLOWER * self.seconds.get(command[0], 360.0))
+            watch = threading.Timer(limit, lambda: (late.set(), end(process)))
             watch.start()
             for line in process.stdout or ():
                 last = line.strip() or last
@@ -151,47 +153,45 @@ class Runner:
             return failed or "time"
         return failed or (f"{last[:80]} ({code})" if code else "")
 
-    def rust(self, mutant: Mutant | None = None) -> str:
-        """Return which Rust test fails first, or nothing: the unit tests of a mutant's own module are asked first."""
-        commands = [[program] for program in (*self.integration, self.unit)]
-        if mutant:
-            commands.insert(0, [self.unit, mutant.modules])
-            if not mutant.file.startswith("engine/"):
-                # Others see it sooner than the long tests of the engines.
-                commands[-1].append("--skip=engine::")
-        return next((failed for command in commands if (failed := self.run(command, mutant, command[0]))), "")
-
-    def pytest(self, mutant: Mutant | None = None, also: Sequence[str] = ()) -> str:
-        """Return which Python test fails first, or nothing."""
-        first = [mutant.seen, *mutant.first] if mutant else also
-        files = [f"tests/test_{name}.py" for name in dict.fromkeys([*first, *PYTHON])]
-        files = [name for name in files if (self.work / name).exists()]
+    def pytest(self, names: Sequence[str]) -> list[str]:
+        """Return the command that runs Python tests, as far as there are any of these names."""
+        found = []
+        for name in dict.fromkeys(names):
+            file, _, function = name.partition("::")
+            path = self.work / f"tests/test_{file}.py"
+            if path.exists() and f"def {function}" in path.read_text(encoding="utf-8"):
+                found.append(f"tests/test_{file}.py::{function}".removesuffix("::"))
         options = ["-x", "-q", "-p", "no:cacheprovider", "-o", "addopts=--import-mode=importlib --tb=no -rfE"]
-        return self.run([self.python, "-m", "pytest", *options, *files], mutant, "Python")
+        return [self.python, "-m", "pytest", *options, *found] if found else []
 
     def plain(self, mutants: Sequence[Mutant]) -> None:
         """See that nothing fails without a mutant, and how long that takes."""
-        also = [name for own in mutants for name in (own.seen, *own.first)]
-        rust = {file: lambda file=file: self.run([file], None, "") for file in (*self.integration, self.unit)}
-        for file, failing in (rust | {"Python": lambda: self.pytest(None, also)}).items():
+        names = [name for own in mutants for name in (own.seen.partition("::")[0], *own.first)]
+        for command in [*([program] for program in (*self.integration, self.unit)), self.pytest([*names, *PYTHON])]:
             start = time.monotonic()
-            failed = failing()
+            failed = self.run(command)
             if failed:
                 raise SystemExit(f"without a mutant {failed} fails")
-            seconds = time.monotonic() - start
-            self.limits[file] = max(LEAST, SLOWER * seconds)
-            print(
-                f"without a mutant the tests of {Path(file).name.partition('-')[0]} pass in {seconds:.0f} s", flush=True
-            )
-        self.integration.sort(key=self.limits.__getitem__)
+            self.seconds[command[0]] = time.monotonic() - start
+            name = Path(command[0]).name.partition("-")[0]
+            print(f"without a mutant the tests of {name} pass in {self.seconds[command[0]]:.0f} s", flush=True)
+
+    def commands(self, mutant: Mutant) -> list[list[str]]:
+        """Return what to run: first what is quick, and what saw the mutant last."""
+        quick = [[program] for program in self.integration if self.seconds[program] <= QUICK]
+        slow = [[program] for program in self.integration if self.seconds[program] > QUICK]
+        # Others see what is not of an engine sooner than the long tests of the engines.
+        unit = [self.unit, *([] if mutant.file.startswith("engine/") else ["--skip=engine::"])]
+        python = self.pytest([*mutant.first, *PYTHON])
+        return [[self.unit, mutant.modules], *quick, self.pytest([mutant.seen]), *slow, unit, python]
 
     def meet(self, mutant: Mutant) -> None:
         """Let a mutant meet the tests."""
         start = time.monotonic()
-        for kind, failing in (("Rust", self.rust), ("Python", self.pytest)):
-            mutant.by = failing(mutant)
+        for command in filter(None, self.commands(mutant)):
+            mutant.by = self.run(command, mutant)
             if mutant.by:
-                mutant.killed = kind
+                mutant.killed = "Python" if command[0] == self.python else "Rust"
                 break
         mutant.seconds = round(time.monotonic() - start, 1)
         print(f"{mutant.name:28}{mutant.killed or 'lives':8}{mutant.seconds:7}  {mutant.by}", flush=True)
@@ -199,7 +199,7 @@ class Runner:
 
 def child() -> None:
     """Prepare a process for its program: with so much memory, and not deaf to Ctrl-C as programs in the background."""
-    resource.setrlimit(resource.RLIMIT_AS, (ROOM, ROOM))
+    resource.setrlimit(resource.RLIMIT_AS, (ROOM, resource.getrlimit(resource.RLIMIT_AS)[1]))
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 

@@ -59,7 +59,7 @@ class Mutant:
     breaks: str
     line: str = ""
     kind: str = ""  # by default an expression, or a statement if the text ends with a semicolon
-    seen: str = ""  # the Python test that saw it last
+    seen: str = ""  # the Python test that saw it last: its file and its name
     survives: str = ""
     first: Sequence[str] = field(default=(), repr=False)  # Python tests that are asked first
     killed: str = ""  # "Rust" or "Python"
