@@ -95,8 +95,13 @@ class Hunt:
 
     def _finish(self, *, killed: bool) -> None:
         self.finished, self.before = self.finished + 1, 0
-        if killed:  # between the last two steps the journal is left, at most
-            Path(f"{self.target}.partial.journal").unlink(missing_ok=True)
+        if (
+            killed
+        ):  # between the last steps the journal may be left, and the first of the two names that a file then has
+            partial = Path(f"{self.target}.partial")
+            for rest in (partial, partial.with_name(f"{partial.name}.journal")):
+                if rest.is_file():
+                    rest.unlink()
         left = {path.name for path in self.folder.iterdir()} - self.names - {self.target.name}
         if left:
             self._complain(f"there is {', '.join(sorted(left))}")

@@ -192,17 +192,15 @@ NAMES = (
 )
 
 
-@examples(400)
-@given(st.sampled_from(NAMES), st.integers(0, len(NUMBERS + ODD + ARRAYS) - 1))
-def test_mistakes_are_named(name: str, which: int) -> None:
-    """Whatever a value is, it is taken, or refused by a one-line message about the argument."""
-    value = (NUMBERS + ODD + ARRAYS)[which]
-    words: dict[str, Any] = {"x": np.sin(np.arange(60.0)), "window_length": 11, "return_std": True, name: value}
-    if name in ("fs", "delay"):
-        words.pop({"fs": "delta", "delay": "tau"}[name], None)
-    if name == "window_duration":
+VALUES = NUMBERS + ODD + ARRAYS
+
+
+def mistaken(given: dict[str, Any]) -> None:
+    """Call with these arguments, whatever they are: they are taken, or one of them is refused in one line."""
+    words: dict[str, Any] = {"x": np.sin(np.arange(60.0)), "window_length": 11, "return_std": True, **given}
+    if "window_duration" in given and "window_length" not in given:
         del words["window_length"]
-    if name in ("deriv", "engine", "threads", "rule", "mode", "cval", "axis", "x", "out"):
+    if given.keys() & {"deriv", "engine", "threads", "rule", "mode", "cval", "axis", "x", "out"}:
         del words["return_std"]
     try:
         algdiff.differentiate(**words)
@@ -210,7 +208,19 @@ def test_mistakes_are_named(name: str, which: int) -> None:
         said = str(error)
         # An order decides about the degree, and a duration about a length.
         others = {"deriv": "degree", "window_duration": "window_length"}
-        assert name in said or others.get(name, name) in said, said
+        assert any(name in said or others.get(name, name) in said for name in given), said
         assert "\n" not in said
         assert not said.endswith(".")
         assert len(said) < 600
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_any_mistake_is_named(name: str) -> None:
+    for value in VALUES:
+        mistaken({name: value})
+
+
+@examples(200)
+@given(st.dictionaries(st.sampled_from(NAMES), st.integers(0, len(VALUES) - 1), min_size=2, max_size=4))
+def test_one_of_several_mistakes_is_named(which: dict[str, int]) -> None:
+    mistaken({name: VALUES[place] for name, place in which.items()})
