@@ -203,3 +203,10 @@ def test_complex_samples_that_are_masked_or_missing_in_one_part() -> None:
     out = np.empty(60, complex)
     assert differentiate(x, 9, nan_policy="omit", out=out) is out
     assert isinstance(differentiate(x, 9, nan_policy="omit", return_support=True), algdiff.Estimates)
+
+
+def test_more_turns_than_can_be_counted_are_refused() -> None:
+    x = np.where(np.arange(40) < 20, 0.0, 1e10)
+    with pytest.raises(ValueError, match=r"period must be at least 2\*\*-53 of every step between samples"):
+        algdiff.differentiate(x, 5, period=1e-10)
+    assert np.isfinite(algdiff.differentiate(x, 5, period=1e-5)).all()

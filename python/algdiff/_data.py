@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from algdiff._differentiator import Differentiator
 
 
+COUNTED = 2.0**53
+"""Turns between two samples, at most: beyond, numbers of double precision skip some."""
+
 BLOCKS, BLOCK = 16, 4096
 """How many blocks of how many samples the noise level of a long row is found from."""
 
@@ -315,9 +318,12 @@ def _unwrap(values: Samples, period: object) -> Samples:
         places = np.where(gone, 0, np.arange(values.shape[0]).reshape(-1, *(1 for _ in values.shape[1:])))
         np.maximum.accumulate(places, axis=0, out=places)
         filled = np.take_along_axis(values, places, axis=0)
-    with np.errstate(invalid="ignore"):
-        turns = np.rint(np.diff(filled, axis=0) / turn)
-        turns[~np.isfinite(turns)] = 0
+    with np.errstate(invalid="ignore", over="ignore"):
+        steps = np.diff(filled, axis=0)
+        turns = np.rint(steps / turn)
+    if (np.isfinite(steps) & ~(np.abs(turns) <= COUNTED)).any():
+        raise ValueError(f"period must be at least 2**-53 of every step between samples, or turns are lost, got {turn}")
+    turns[~np.isfinite(turns)] = 0
     added = np.zeros(values.shape)
     np.cumsum(turns, axis=0, out=added[1:])
     added *= -turn
