@@ -81,7 +81,6 @@ PYTHON = [
     "gradient",
     "messages",
     "units",
-    "runtime",
 ]
 
 
