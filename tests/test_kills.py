@@ -331,7 +331,7 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path: Path, by_command: bool) -> None
     _, err = child.communicate(timeout=60)
     # Threads have ended, what was written is noted. The machine may be busy: it is heard within 0.1 s on a quiet one.
     assert time.perf_counter() - started < 1
-    assert child.returncode == (130 if by_command else -signal.SIGINT)
+    assert child.returncode == (130 if by_command else -signal.SIGINT), err
     last = err.splitlines()[-1]
     done = noted(target)
     assert done >= 3
@@ -347,6 +347,57 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path: Path, by_command: bool) -> None
     expected = algdiff.differentiate(np.load(source), window_length=4001, engine="direct")
     assert np.load(target).tobytes() == expected.tobytes()
     assert set(os.listdir(tmp_path)) == {"x.npy", "y.npy"}
+
+
+class Pressed(threading.Condition):
+    """What threads wait for; once Ctrl-C is pressed where it has just been locked."""
+
+    armed = False
+
+    def __enter__(self) -> bool:
+        locked = super().__enter__()
+        if Pressed.armed and threading.current_thread() is threading.main_thread():
+            Pressed.armed = False
+            signal.raise_signal(signal.SIGINT)
+        return locked
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 6, 40])
+def test_ctrl_c_leaves_nothing_locked(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is heard after the step in which it came: else a thread may wait for ever for what the main one has locked."""
+    Pressed.armed, steps = False, iter(range(count, -1, -1))
+
+    def progress(_: float) -> None:
+        if next(steps, None) == 0:
+            Pressed.armed = True
+
+    before, threads = signal.getsignal(signal.SIGINT), threading.active_count()
+    monkeypatch.setattr(threading, "Condition", Pressed)
+    with pytest.raises(KeyboardInterrupt, match=r"% of y\.npy is kept in "):
+        algdiff.differentiate_file("x.npy", "y.npy", **CALL, progress=progress)
+    assert not Pressed.armed
+    assert threading.active_count() == threads
+    assert signal.getsignal(signal.SIGINT) is before
+    done = noted(Path("y.npy"))
+    report = algdiff.differentiate_file("x.npy", "y.npy", **CALL, resume=True)
+    assert 0 < report.resumed == done < report.blocks
+
+
+def test_what_ctrl_c_did_before_is_done() -> None:
+    """A handler of the caller's own is called after the step, and what it does not raise ends nothing."""
+    heard: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: heard.append(number))
+    try:
+        press = at(0.5, lambda: signal.raise_signal(signal.SIGINT))
+        report = algdiff.differentiate_file("x.npy", "y.npy", **CALL, progress=press)
+        other = threading.Thread(target=algdiff.differentiate_file, args=("x.npy", "z.npy"), kwargs=CALL)
+        other.start()
+        other.join()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert heard == [signal.SIGINT]
+    assert report.blocks > 1
+    assert content(Path("y.npy")) == content(Path("z.npy"))
 
 
 def test_no_thread_outlives_a_run() -> None:

@@ -16,6 +16,7 @@ from algdiff import _threads as threads_of
 from algdiff._file_job import Buffers, Job
 from algdiff._formats.base import Target
 from algdiff._formats.stage import Stage
+from algdiff._interrupts import Interrupts
 from algdiff._journal import Journal
 from algdiff._output import publish, remove
 
@@ -138,6 +139,7 @@ class _Pipeline:
         self.job, self.journal, self.threads, self.progress = job, journal, threads, progress
         self.places = job.cuts
         self.inputs, self.outputs = Buffers(), Buffers()
+        self.interrupts = Interrupts()
         self.saved = time.monotonic()
         self.written = journal.done
 
@@ -162,39 +164,47 @@ class _Pipeline:
             target.close()
 
     def _work(self, target: Target) -> None:
-        todo = range(self.journal.done, len(self.places))
         reader, writer = ThreadPoolExecutor(1, "algdiff-read"), ThreadPoolExecutor(1, "algdiff-write")
-        try:
-            coming: Future[Any] | None = reader.submit(self._read, todo[0]) if todo else None
-            going: Future[Any] | None = None
-            for index in todo:
-                assert coming is not None  # noqa: S101
-                x, times = coming.result()
-                coming = reader.submit(self._read, index + 1) if index + 1 < len(self.places) else None
-                result = self._compute(index, x)
-                if going is not None:
-                    going.result()
-                going = writer.submit(self._write, target, index, result, times)
+        with self.interrupts:
+            try:
+                self._pass_on(target, reader, writer)
+            finally:
+                for pool in (reader, writer):
+                    pool.shutdown(wait=True, cancel_futures=True)
+
+    def _pass_on(self, target: Target, reader: ThreadPoolExecutor, writer: ThreadPoolExecutor) -> None:
+        todo, result_of = range(self.journal.done, len(self.places)), self.interrupts.result
+        coming: Future[Any] | None = reader.submit(self._read, todo[0]) if todo else None
+        going: Future[Any] | None = None
+        for index in todo:
+            assert coming is not None  # noqa: S101
+            x, times = result_of(coming)
+            coming = reader.submit(self._read, index + 1) if index + 1 < len(self.places) else None
+            result = self._compute(index, x)
             if going is not None:
-                going.result()
-        finally:
-            for pool in (reader, writer):
-                pool.shutdown(wait=True, cancel_futures=True)
+                result_of(going)
+            going = writer.submit(self._write, target, index, result, times)
+        if going is not None:
+            result_of(going)
 
     def _read(self, index: int) -> tuple[Samples, Samples | None]:
         with _naming(str(self.job.source.path), "read"):
             return self.job.samples(self.places[index], self.inputs, index)
 
     def _compute(self, index: int, x: Samples) -> Samples:
-        words: dict[str, Any] = {"threads": self.threads, "progress": self._fraction(index)}
+        progress = self._fraction(index)
+        words: dict[str, Any] = {"threads": self.threads, "progress": progress}
         result = self.job.estimates(self.places[index], x, self.outputs, index, **words)
-        if self.progress is not None:
-            self.progress((index + 1) / len(self.places))
+        progress(1.0)
         return result
 
-    def _fraction(self, index: int) -> Progress | None:
-        progress, count = self.progress, len(self.places)
-        return None if progress is None else lambda fraction: progress((index + fraction) / count)
+    def _fraction(self, index: int) -> Progress:
+        def progress(fraction: float) -> None:
+            self.interrupts.check()
+            if self.progress is not None:
+                self.progress((index + fraction) / len(self.places))
+
+        return progress
 
     def _write(self, target: Target, index: int, result: Samples, times: Samples | None) -> None:
         with _naming(self.job.target.given):
