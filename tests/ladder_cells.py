@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from numpy.polynomial import legendre
 
 import algdiff
 from covering import Cell
@@ -15,7 +16,7 @@ from ladder import KEPT, kept, span_of
 from ladder_calls import CVAL, ENTRIES, Given, by_rows, degree_of, given, length, single, tau, words
 from ladder_naive import Window, expected, window_maximum
 from ladder_refusals import reasons
-from reference_fits import Twin
+from reference_fits import Twin, density
 from support import EPS, design
 
 Array = npt.NDArray[Any]
@@ -134,9 +135,12 @@ def by_fits(cell: Cell, one: Given, rows: Array, gone: Array, got: Array, rng: n
         if cell["entry"] == "stream" and one.t is not None and cell["tau"] == "delay":
             count = len(window.index)
             window = window._replace(at=1 - (0.5 + 1.5 * cell["delta"] / window.duration * count) / count)
+        missing = gone[row, window.index[window.index >= 0]].any()
+        if window.sliding and not missing:
+            continue  # by weights that slide, and an engine, as `slide` has seen
         parts = [(rows.real, got.real)] + ([(rows.imag, got.imag)] if np.iscomplexobj(rows) else [])
         for x, found in parts:
-            if cell["policy"] != "omit" and gone[row, window.index[window.index >= 0]].any():
+            if cell["policy"] != "omit" and missing:
                 assert np.isnan(found[:, row, i]).all()
                 continue
             same_fit(cell, twin, x[row], window, found[:, row, i])
@@ -173,16 +177,30 @@ def same_fit(cell: Cell, twin: Twin, x: Array, window: Any, found: Array) -> Non
     """Compare the estimates of one window with those of a fit of its own, and what is refused.
 
     A sum errs by as many eps as it has terms, and both fits by as many as their matrix has condition, or as samples
-    that are taken out of a whole window leave, see `Twin.loss`. Uneven times are known to some eps of the row's length,
+    that are taken out of a whole window leave, see `taken`. Uneven times are known to some eps of the row's length,
     which is that many of the window's, and the slope of a polynomial on [0, 1] is up to twice the square of its degree.
     Sums for many windows with gaps are of distances from one sample of the row.
     """
     wanted, span = twin.output(x, window), len(window.index)
     eps = float(np.finfo(np.float32).eps) if single(cell) else EPS
     moved = 0.0 if twin.t is None else 16 * (twin.degree + 1) ** 2 * float(np.ptp(twin.t)) / window.duration
-    lost = EPS * (64 + 64 * wanted.condition + wanted.loss + moved) + eps * (span + 8)
+    lost = EPS * (64 + 64 * wanted.condition + taken(twin, x, window) + moved) + eps * (span + 8)
     own, row = (float(np.nanmax(np.abs(part), initial=0.0)) for part in (wanted.samples, x))
     allowed = np.abs(wanted.weights).sum(axis=1) * (lost * own + (span + 8) * eps * row)
     decided = np.abs(wanted.gain - 1) >= 1e-6 if np.isfinite(wanted.gain).all() else np.ones(len(found), bool)
     good = (np.abs(found - wanted.estimate) <= allowed) | (np.isnan(found) & np.isnan(wanted.estimate))
     assert good[decided].all(), (found, wanted.estimate, allowed, window)
+
+
+def taken(twin: Twin, x: Array, window: Any) -> float:
+    """Return by what a fit loses if it is that of the whole even window with samples taken out: see `Twin.loss`.
+
+    The library fits anew where a pivot of the system falls below 1e-3, of which the norm of the inverse may be the
+    square and more.
+    """
+    used = ~np.isnan(np.append(x, [twin.cval] * 2)[window.index])
+    if twin.t is not None or twin.weights is not None or used.all() or used.sum() <= twin.degree:
+        return 1.0
+    weight = density(window.s, window.half, twin.kappa) * density(1 - window.s, window.half, twin.mu)
+    q = np.linalg.qr(legendre.legvander(2 * window.s - 1, twin.degree) * np.sqrt(weight)[:, None])[0]
+    return float(min(np.linalg.norm(q[used], -2) ** -2, 1e6))

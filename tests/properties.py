@@ -74,8 +74,9 @@ def designs(
     words = {"window_length": length, "deriv": deriv, "degree": degree, "kappa": kappa, "mu": mu, "rule": rule}
     words |= {"tau": draw(places, "tau"), "delta": draw(steps, "delta"), "engine": engine}
     words |= fixed
-    if isinstance(deriv, tuple) and words["tau"] == "root":
-        words["tau"] = "center"
+    if isinstance(deriv, tuple):  # which have no root in common, nor a point so close to one that it counts as one
+        tau = words["tau"]
+        words["tau"] = round(tau, 6) if isinstance(tau, float) else tau.replace("root", "center")
     return Made(design(**words), words)
 
 

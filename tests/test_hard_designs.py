@@ -1,15 +1,15 @@
-"""Designs next to what numbers can hold: as many coefficients as samples, huge exponents, tiny steps, loud samples."""
+"""Designs at their limits: as many coefficients as samples, huge or singular exponents, tiny steps, single cells."""
 
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 import pytest
 
-from engines import assert_within, bound, naive
-from support import ENGINES, EPS, design, sum_bound
+from algdiff import Kernel
+from algdiff._core import Bank
+from support import EPS, design, sum_bound
 
 
 def interpolation(length: int, position: Fraction) -> list[Fraction]:
@@ -77,14 +77,72 @@ def test_trimmed_rules_leak_what_their_weights_leak(rule: str, deriv: int) -> No
     assert np.abs(found - np.correlate(x, ours.weights, "valid")).max() <= 2 * sum_bound(ours.weights, x)
 
 
-@pytest.mark.parametrize(("dtype", "quiet"), [(np.float64, 2.0**-10), (np.float32, 2.0**-5)])
-@pytest.mark.parametrize("engine", ENGINES)
-def test_windows_just_as_loud_as_a_level_begins(engine: str, dtype: Any, quiet: float) -> None:
-    """The largest difference of most windows is the limit at which blocks with louder samples are computed again."""
-    rng = np.random.default_rng(3)
-    steps = np.round(rng.uniform(-16, 16, 600)) / 16 * quiet
-    steps[::7], steps[150] = quiet, 1
-    x = np.cumsum(steps).astype(dtype)
-    assert np.array_equal(np.diff(x.astype(float)), steps[1:])
-    ours = design(61, degree=3, engine=engine)
-    assert_within(ours(x, mode="valid"), naive(ours, x), bound(engine, ours, x))
+@pytest.mark.parametrize(("kappa", "mu"), [(3, -0.9), (50, -0.9), (50, -0.5), (300, -0.8)])
+def test_responses_of_reversed_kernels(kappa: float, mu: float) -> None:
+    """Read backwards the exponents change places, and what was late is early."""
+    omega = np.array([0.0, 0.1, 1.0, 3.0, 10.0, 25.0, 80.0])
+    for deriv, degree, tau in [(0, 1, 0.4), (1, 2, 0.3), (2, 2, 0.9)]:
+        here = Kernel(deriv, degree=degree, kappa=kappa, mu=mu, tau=tau).frequency_response(omega)
+        there = Kernel(deriv, degree=degree, kappa=mu, mu=kappa, tau=1 - tau).frequency_response(omega)
+        assert np.abs(here - (-1) ** deriv * np.conj(there)).max() <= 1e-12 * np.abs(here).max()
+
+
+@pytest.mark.parametrize(("rule", "length"), [("hat", 2), ("cell", 1)])
+def test_rules_on_a_single_cell_keep_constants(rule: str, length: int) -> None:
+    for kappa, mu in [(-0.9, 9), (9, -0.9), (0, 9), (9, 0), (-0.5, 30), (30, -0.5), (100, 2)]:
+        ours = design(length, 0, degree=0, kappa=kappa, mu=mu, rule=rule)
+        assert abs(ours.weights.sum() - 1) <= 64 * EPS
+        if rule == "hat":  # and the mean of a line is its value at the mean of the density
+            assert abs(ours.weights[1] - (kappa + 1) / (kappa + mu + 2)) <= 64 * EPS
+
+
+def test_kernels_have_finite_norms_or_are_refused() -> None:
+    refused = 0
+    for degree in (100, 200, 500):
+        for deriv in range(0, 130, 5):
+            if deriv <= degree:
+                try:
+                    assert np.isfinite(Kernel(deriv, degree=degree, kappa=0, mu=0, tau=0.5).norm2)
+                except ValueError:
+                    refused += 1
+    assert 10 < refused < 60
+
+
+@pytest.mark.parametrize(("kappa", "mu"), [(0, -0.5), (1, -0.5), (0, -0.75)])
+def test_a_zero_at_a_singular_end_is_a_zero(kappa: float, mu: float) -> None:
+    """A line whose zero lies at the newest end, but for rounding: there the kernel is infinite or 0, and never NaN."""
+    mean = (kappa + 1) / (kappa + mu + 2)
+    variance = (kappa + 1) * (mu + 1) / (kappa + mu + 3) / (kappa + mu + 2) ** 2
+    tau = mean - variance / (1 - mean)
+    near = tau + np.arange(-50, 51) * np.spacing(tau)
+    values = [Kernel(0, degree=1, kappa=kappa, mu=mu, tau=float(point))(1.0) for point in near]
+    assert not np.isnan(values).any()
+    assert 0.0 in values
+    assert -np.inf in values
+    assert np.inf in values
+
+
+def test_fits_that_are_not_known_at_the_ends_are_refused_there() -> None:
+    """Samples of hardly any weight say little about the polynomial next to them, and enough farther away."""
+    x = np.random.default_rng(29).standard_normal(40)
+    for tau in (0.3, 0.5):
+        ours = design(21, 0, degree=5, kappa=-0.9, mu=100, tau=tau)
+        assert np.isfinite(ours(x, mode="valid")).all()
+        with pytest.raises(ValueError, match=r"^degree 5 is too high for window_length 21: "):
+            ours(x, mode="fit")
+
+
+def test_orders_that_do_not_share_their_point_or_window_are_refused() -> None:
+    plan = design(21, degree=3, tau=0.5)._plan
+    for other in (design(21, 2, degree=3, tau=0.6), design(23, 2, degree=3, tau=0.5)):
+        with pytest.raises(ValueError, match=r"^tau must be the same point for all orders, got 0.5$"):
+            Bank([plan, other._plan])
+
+
+@pytest.mark.parametrize("mode", ["fit", "valid", "nan"])
+def test_windows_longer_than_the_data_by_one_are_refused(mode: str) -> None:
+    bank = Bank([design(21, degree=3)._plan])
+    with pytest.raises(
+        ValueError, match=f"^window_length must be at most the 20 samples of x in mode '{mode}', got 21$"
+    ):
+        bank.run(np.zeros(20), np.zeros(0 if mode == "valid" else 20), (1, 20, 1), mode)

@@ -17,6 +17,7 @@ import algdiff
 from algdiff import Differentiator, _units
 from engines import assert_within
 from properties import RULES, Array, Made, close, designs, examples, off, samples
+from reference import CELLS, NODES
 from support import EPS, kernel_rule
 
 pytestmark = pytest.mark.filterwarnings("ignore::algdiff.DesignWarning")
@@ -32,11 +33,10 @@ def test_what_a_design_says_of_its_weights(made: Made) -> None:
     assert d.noise_gain == pytest.approx(float(w @ w), rel=len(w) * EPS)
     assert d.norm1 == pytest.approx(float(np.abs(w).sum()), rel=len(w) * EPS)
     assert d.delay == pytest.approx(d.delay_samples * d.delta, rel=4 * EPS)
-    assert d.duration == pytest.approx(
-        d.delta * (d.window_length - (d.rule in ("trapezoid", "simpson", "hat"))), rel=4 * EPS
-    )
+    assert d.duration == pytest.approx(d.delta * (d.window_length - (d.rule in NODES)), rel=4 * EPS)
     f = np.linspace(-0.5, 0.5, 7) / d.delta
-    lag = np.arange(len(w)) - (len(w) - 1) + d.delay_samples
+    # Not of `delay_samples`, which is whole where the estimate lies within 1e-9 of a sample.
+    lag = np.arange(len(w)) - (d.tau * len(w) - 0.5 if d.rule in CELLS else d.tau * (len(w) - 1))
     response = np.exp(2j * np.pi * d.delta * f[:, None] * lag) @ w
     # Phases of up to pi times the lag, each known to some eps of itself.
     allowed = 64 * EPS * d.norm1 * (len(w) + float(np.abs(lag).max()))
