@@ -278,6 +278,8 @@ def test_an_empty_out_is_as_good_as_none() -> None:
     assert algdiff.differentiate(out.copy(), 5, out=out) is out
 
 
-def test_a_single_time_that_is_no_number_is_named() -> None:
-    with pytest.raises(ValueError, match="at must be a one-dimensional array of finite times, got nan at place 0"):
-        algdiff.differentiate(np.arange(20.0), 5, t=np.arange(20.0), at=np.nan)
+@pytest.mark.parametrize("words", [{}, {"t": np.arange(20.0)}])
+def test_times_of_estimates_are_a_row(words: dict[str, Any]) -> None:
+    for at, said in ((3.0, r"got shape \(\)"), ([[3.0]], r"got shape \(1, 1\)"), ([np.nan], "got nan at place 0")):
+        with pytest.raises(ValueError, match=f"^at must be a one-dimensional array of finite times, {said}$"):
+            algdiff.differentiate(np.arange(20.0), 5, at=at, **words)

@@ -62,3 +62,17 @@ def test_windows_just_as_loud_as_a_level_begins(engine: str, dtype: Any, quiet: 
     assert np.array_equal(np.diff(x.astype(float)), steps[1:])
     ours = design(61, degree=3, engine=engine)
     assert_within(ours(x, mode="valid"), naive(ours, x), bound(engine, ours, x))
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+@pytest.mark.parametrize("engine", ENGINES)
+def test_samples_up_to_a_64th_of_the_largest_number_overflow_nowhere(engine: str, dtype: Any) -> None:
+    top = float(np.finfo(dtype).max) / 64
+    rng = np.random.default_rng(8)
+    for length in (51, 117, 1001):
+        for degree, deriv in ((2, 0), (2, 1), (8, 0), (8, 1), (4, 2)):
+            ours = design(length, deriv, degree=degree, kappa=1, mu=1, engine=engine)
+            n = length + 1000
+            waves = [np.where(np.arange(n) % (2 * half) < half, 1.0, -1.0) for half in (1, 7, length // 2, length)]
+            for signs in (rng.choice([-1.0, 1.0], n), np.ones(n), *waves):
+                assert np.isfinite(ours((top * signs).astype(dtype), mode="valid")).all()

@@ -69,7 +69,7 @@ class Stamps:
 
     def located(self, name: str, times: ArrayLike) -> NDArray[np.float64]:
         """Return `times` on the axis of `values`."""
-        since = self.since(name, times)
+        since = self.since(name, times).reshape(np.shape(times))
         check_times(name, since, times)
         return np.ascontiguousarray(since - self._shift)
 

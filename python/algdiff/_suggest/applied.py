@@ -58,7 +58,8 @@ def with_edges(
         values = np.array(part[..., : max(reach, LOOKED_AT)])
         found = _complex(values, reach, length, design, orders, sigma)
         count = found.shape[-1]
-        found = (signs * scale * found)[..., ::-1] if backwards else scale * found
+        with np.errstate(invalid="ignore", over="ignore"):
+            found = (signs * scale * found)[..., ::-1] if backwards else scale * found
         # Beyond the first center they give way to the windows of the middle, so that there is no jump.
         share = np.clip((count - np.arange(count)) / (count - half + 1.0), 0.0, 1.0)
         place = slice(length - count, None) if backwards else slice(0, count)
@@ -82,7 +83,7 @@ def _complex(
     rows, levels = np.ldexp(rows, -size[:, np.newaxis]), np.ldexp(levels, -size)
     with np.errstate(invalid="ignore", over="ignore"):
         found = edges.start(rows[:, :reach], length, design.window_length, design.degree, design.kappa, orders, levels)
-    estimate: NDArray[Any] = np.ldexp(found.estimate, size[:, np.newaxis])
+        estimate: NDArray[Any] = np.ldexp(found.estimate, size[:, np.newaxis])
     return estimate.reshape((len(orders), *values.shape[:-1], -1))
 
 

@@ -16,14 +16,11 @@ from algdiff._noise import noise_level
 from algdiff._suggest import delayed, edges, noise
 from algdiff._suggest.candidates import design, reproduced
 from algdiff._suggest.level import Level, Search
-from algdiff._suggest.rows import blocks, finite_rows, scaled
+from algdiff._suggest.rows import LOUDEST, blocks, finite_rows, scaled
 from algdiff._suggest.suggestion import RiskCurve, Suggestion
 from algdiff._suggest.wanted import FEWEST, Wanted, sampled, wanted
 
 Floats = NDArray[np.float64]
-
-LOUDEST = 1e100
-"""Noise that may be stated, in units of the samples."""
 
 
 class Chosen(NamedTuple):
@@ -58,7 +55,7 @@ def chosen(x: Samples, axis: int, want: Wanted) -> Chosen:
         )
     rows, scale = scaled(rows, of_noise=want.sigma is None)
     known = None if want.sigma is None else want.sigma / float(scale[0])
-    if known is not None and known > LOUDEST:  # its square would not be a number
+    if known is not None and known > LOUDEST:
         raise ValueError(f"sigma must be at most {LOUDEST:g} times as large as the samples, got {want.sigma:g}")
     level = Search(want.deriv, want.limits, want.exponent, known, want.noise).run(rows)
     best, step = level.risk.best, level.step
@@ -206,33 +203,31 @@ def suggest(
 
 def described(found: Chosen, want: Wanted) -> Suggestion:
     """Return the suggestion with all that is known of it."""
-    level, scale = found.level, found.scale
+    level = found.level
     unit = want.delta**-want.deriv
     typical = found.typical
     noise2, bias2 = _parts(found, want)
-    steps = float(level.step) ** -want.deriv * unit * typical
+    steps = float(level.step) ** -want.deriv * unit
     family, risk = level.family, level.risk
     with np.errstate(over="ignore"):  # errors of candidates may be beyond the largest number
-        curve = RiskCurve(
-            family.window * level.step,
-            family.degree,
-            steps * np.sqrt(risk.variance + risk.bias2),
-            steps * np.sqrt(risk.variance),
-            steps * np.sqrt(risk.bias2),
+        # In this order, for infinity times 0 is no number.
+        total, random, smooth = (
+            np.sqrt(part) * typical * steps for part in (risk.variance + risk.bias2, risk.variance, risk.bias2)
         )
+    curve = RiskCurve(family.window * level.step, family.degree, total, random, smooth)
     parts = blocks(found.rows)
     pieces = parts[:, : parts.shape[1] // 16 * 16].reshape(-1, parts.shape[1] // 16) if parts.shape[1] >= 800 else parts
     levels = np.atleast_1d(noise_level(pieces))
     return Suggestion(
         differentiator=found.design,
-        rmse=unit * typical * math.sqrt(noise2 + bias2),
-        noise=unit * typical * math.sqrt(noise2),
-        bias=unit * typical * math.sqrt(bias2),
+        rmse=math.sqrt(noise2 + bias2) * typical * unit,
+        noise=math.sqrt(noise2) * typical * unit,
+        bias=math.sqrt(bias2) * typical * unit,
         noise_level=found.noise_level,
         noise_range=(float(levels.min()) * typical, float(levels.max()) * typical),
         correlation=level.correlation,
         colour=float(level.sigma[level.risk.best]) / level.white,
-        quantum=noise.quantum(found.rows[:1] * scale[0]),
+        quantum=noise.quantum(found.rows[:1]) * float(found.scale[0]),
         curve=curve,
         limits=want.said,
         local=want.local,

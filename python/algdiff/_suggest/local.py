@@ -17,6 +17,7 @@ from algdiff._arguments import Samples
 from algdiff._differentiator import Differentiator
 from algdiff._orders import highest
 from algdiff._suggest.candidates import design, family, holds, odd
+from algdiff._suggest.rows import LOUDEST
 from algdiff._suggest.selection import quantile
 
 Floats = NDArray[np.float64]
@@ -159,13 +160,17 @@ def adapt(central: Differentiator, x: Samples, result: Samples, sigma: Floats, t
         estimates = [own if k == found.chosen else one(samples, threads=threads) for k, one in enumerate(found.designs)]
         single = [each if central._leading is None else each[-1] for each in estimates]
         at = np.array([each[places] for each in single], np.float64) * unit
-        top = float(np.abs(at[np.isfinite(at)]).max(initial=0.0)) or 1.0
-        share = shares(at / top, found, places, length, float(sigma[row]) / top)
+        finite = np.isfinite(at)
+        top = float(np.abs(at[finite]).max(initial=0.0)) or 1.0
+        # What overflows is compared as the largest, and stays infinite or becomes NaN.
+        loud = min(float(sigma[row]) / top, LOUDEST)
+        share = shares(np.where(finite, at / top, 1.0), found, places, length, loud)
         mixed = result[:, row, inner].reshape(len(result), -1, spacing)
         whole = [each[..., inner].reshape(*each.shape[:-1], -1, spacing) for each in estimates]
         each_time = max(1, CHUNK // spacing)
-        for first in range(0, places.size - 1, each_time):
-            _mix(mixed, whole, found.chosen, share, slice(first, min(first + each_time, places.size - 1)), along)
+        with np.errstate(invalid="ignore", over="ignore"):
+            for first in range(0, places.size - 1, each_time):
+                _mix(mixed, whole, found.chosen, share, slice(first, min(first + each_time, places.size - 1)), along)
 
 
 def _mix(mixed: Samples, estimates: list[Samples], chosen: int, share: Floats, some: slice, along: Floats) -> None:

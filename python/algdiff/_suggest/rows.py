@@ -12,6 +12,9 @@ from algdiff._noise import noise_level
 
 Floats = NDArray[np.float64]
 
+LOUDEST = 1e100
+"""Noise that may be stated, in units of the samples: its square is a number."""
+
 BLOCKS, BLOCK = 16, 2048
 """How many blocks of how many samples of a level stand for all of it, if it is longer."""
 
