@@ -81,17 +81,9 @@ def integrals(rule: str, length: int, degree: int, kappa: float, mu: float) -> A
 
 
 @dataclass(frozen=True)
-class Window:
+class Window(reference.Window):
     """One order of a design, with the samples that trimming leaves of its window."""
 
-    length: int
-    deriv: int
-    degree: int
-    kappa: float
-    mu: float
-    tau: float | str
-    rule: str
-    delta: float
     first: int
     span: int
     trim: float
