@@ -46,7 +46,7 @@ def counted(command: list[str], name: str, **environment: str) -> None:
 
 def binaries() -> list[str]:
     """Build the core's tests and return where they are."""
-    command = ["cargo", "test", *CORE, "--no-run", "--message-format=json"]
+    command = ["cargo", "test", *CORE, "--lib", "--tests", "--no-run", "--message-format=json"]
     lines = subprocess.run(command, check=True, cwd=ROOT, env=COUNTING, stdout=subprocess.PIPE, text=True).stdout
     found = [json.loads(line).get("executable") for line in lines.splitlines() if line.startswith("{")]
     return [path for path in found if path]

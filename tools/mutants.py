@@ -181,7 +181,8 @@ class Runner:
         slow = [[program] for program in self.integration if self.seconds[program] > QUICK]
         # Others see what is not of an engine sooner than the long tests of the engines.
         unit = [self.unit, *([] if mutant.file.startswith("engine/") else ["--skip=engine::"])]
-        python = self.pytest([*mutant.first, *PYTHON])
+        # What is argued to break nothing meets all that is quick, and of the long rest the tests of its area.
+        python = self.pytest([*mutant.first, *([] if mutant.survives else PYTHON)])
         return [[self.unit, mutant.modules], *quick, self.pytest([mutant.seen]), *slow, unit, python]
 
     def meet(self, mutant: Mutant) -> None:

@@ -19,7 +19,7 @@ use arbitrary::{Result, Unstructured};
 use libfuzzer_sys::{Corpus, fuzz_target};
 
 /// Samples of a channel, at most.
-const SAMPLES: usize = 120;
+const SAMPLES: usize = 64;
 
 fuzz_target!(|data: &[u8]| -> Corpus {
     let mut u = Unstructured::new(data);
@@ -36,7 +36,7 @@ fuzz_target!(|data: &[u8]| -> Corpus {
 fn banks(u: &mut Unstructured<'_>, fitted: bool) -> Result<Option<Vec<Arc<Bank>>>> {
     let mut banks = Vec::new();
     for _ in 0..u.int_in_range(1..=2)? {
-        let mut design = sound(u, 70)?;
+        let mut design = sound(u, if fitted { 16 } else { 40 })?;
         if fitted {
             (design.rule, design.trim) = (Rule::Exact, 0.0);
         }
@@ -67,7 +67,7 @@ fn expected<T: Sample>(bank: &Bank, x: &[T], channels: usize) -> Vec<Vec<T>> {
 
 /// Sliding windows alone.
 fn sliding<T: Sample>(u: &mut Unstructured<'_>) -> Result<()> {
-    let channels = *u.choose(&[1, 1, 2, 3, 8, 17])?;
+    let channels = *u.choose(&[1, 1, 1, 2, 3, 17])?;
     let Some(banks) = banks(u, false)? else { return Ok(()) };
     let samples = u.int_in_range(1..=SAMPLES)?;
     let x: Vec<T> = signal(u, samples * channels)?;
@@ -148,7 +148,7 @@ struct Taken<T: Sample> {
 
 /// Windows that grow, miss samples or have times.
 fn fitting<T: Sample>(u: &mut Unstructured<'_>) -> Result<()> {
-    let channels = *u.choose(&[1, 1, 2, 5])?;
+    let channels = *u.choose(&[1, 1, 1, 3])?;
     let Some(banks) = banks(u, true)? else { return Ok(()) };
     let point = if u.ratio(1, 3)? { Some(f64::from(u.int_in_range(-2_i8..=20)?) / 4.0) } else { None };
     let place = |bank: &Arc<Bank>| point.map_or(Point::Tau(bank.first().kernel().tau()), Point::Delay);
@@ -165,7 +165,7 @@ fn fitting<T: Sample>(u: &mut Unstructured<'_>) -> Result<()> {
     };
     let timed = u.ratio(1, 3)?;
     let mut taken = Taken { banks, channels, wanted, stream, timed, samples: Vec::new(), given: Vec::new() };
-    let count = u.int_in_range(1..=SAMPLES / 2)?;
+    let count = u.int_in_range(1..=SAMPLES / 3)?;
     let x: Vec<T> = signal(u, count * channels)?;
     let missing = u.int_in_range(0..=255)?;
     let (mut next, mut time) = (0, 0.0);

@@ -6,6 +6,14 @@ use algdiff_core::plan::Plan;
 
 use crate::numbers::{dot, two_sum};
 
+/// The sizes of the sums of the first weights, of one more each time.
+fn running<'a>(weights: impl Iterator<Item = &'a f64>) -> impl Iterator<Item = f64> {
+    weights.scan(0.0, |sum: &mut f64, w| {
+        *sum += w;
+        Some(sum.abs())
+    })
+}
+
 /// One order on one signal.
 pub struct Sums<'a> {
     plan: &'a Plan,
@@ -31,8 +39,7 @@ impl<'a> Sums<'a> {
         // Moments sum smoothers from the newest sample.
         let from = if engine == Engine::Moments && taps.anchor().is_some() { weights.len() - 1 } else { middle };
         let sizes: Vec<f64> = if taps.meet_differences() {
-            let newer = (from + 1..weights.len()).map(|k| weights[k..].iter().sum::<f64>());
-            (0..from).map(|k| weights[..=k].iter().sum::<f64>()).chain(newer).map(f64::abs).collect()
+            running(weights[..from].iter()).chain(running(weights[from + 1..].iter().rev())).collect()
         } else {
             weights.iter().map(|w| w.abs()).collect()
         };

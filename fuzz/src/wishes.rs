@@ -21,7 +21,7 @@ impl<'a> Arbitrary<'a> for Wish {
     fn arbitrary(u: &mut Unstructured<'a>) -> Result<Self> {
         let window_length = match u.int_in_range(0..=15)? {
             0 => u.int_in_range(MAX_WINDOW + 1..=usize::MAX)?,
-            1 | 2 => u.int_in_range(0..=300)?,
+            1 => u.int_in_range(0..=200)?,
             _ => u.int_in_range(0..=40)?,
         };
         let degree = size(u, 6, 40)?;

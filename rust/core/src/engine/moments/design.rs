@@ -313,11 +313,14 @@ fn padded(values: &[f64], width: usize, stride: usize) -> Vec<f64> {
 /// on; the first few start with block `first`.
 fn by_few(matrices: &[f64], moments: usize, stride: usize, first: usize) -> Vec<f64> {
     let group = matrices.len() / (moments * stride);
-    let row = |block: usize, d: usize| &matrices[((first + block) % group * moments + d) * stride..][..stride];
-    (0..group)
-        .step_by(FEW)
-        .flat_map(|few| (0..moments).flat_map(move |d| (few..few + FEW).map(move |block| (block, d))))
-        .flat_map(|(block, d)| row(block, d))
-        .copied()
-        .collect()
+    let mut taken = Vec::with_capacity(matrices.len());
+    for few in (0..group).step_by(FEW) {
+        for d in 0..moments {
+            for block in few..few + FEW {
+                let row = (first + block) % group * moments + d;
+                taken.extend_from_slice(&matrices[row * stride..][..stride]);
+            }
+        }
+    }
+    taken
 }
