@@ -400,6 +400,16 @@ def test_what_ctrl_c_did_before_is_done() -> None:
     assert content(Path("y.npy")) == content(Path("z.npy"))
 
 
+def test_the_second_ctrl_c_acts_at_once() -> None:
+    def progress(_: float) -> None:
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+        pytest.fail("the second was not heard")
+
+    with pytest.raises(KeyboardInterrupt):
+        algdiff.differentiate_file("x.npy", "y.npy", **CALL, progress=progress)
+
+
 def test_no_thread_outlives_a_run() -> None:
     before = threading.active_count()
     for when, act in [(2.0, None), (0.5, KeyboardInterrupt), (0.5, ZeroDivisionError)]:

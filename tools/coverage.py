@@ -3,7 +3,8 @@
 The extension is built with counters, put beside a copy of the Python package, and the whole suite runs on that copy;
 the core's own tests run with counters as well. What only tests compile does not count. Needs `llvm-profdata` and
 `llvm-cov` of the compiler's LLVM (`rustup component add llvm-tools`, or paths in LLVM_PROFDATA and LLVM_COV) and
-`coverage`. Returns 1 below `--least` percent of either. Arguments after `--` go to pytest.
+`coverage`. Returns 1 below `--least` percent of either. Arguments after `--` go to pytest, instead of the whole suite
+without the tests of time, which compute for seconds and for an hour with counters.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 WORK = ROOT / "build" / "coverage"
 SITE, RAW, TARGET = WORK / "site", WORK / "raw", WORK / "target"
 COUNTING = {**os.environ, "RUSTFLAGS": "-C instrument-coverage", "CARGO_TARGET_DIR": str(TARGET)}
+TIMED = ("tests/test_runtime.py", "tests/test_stream_runtime.py")
 PROFILE = ["--release", "--config", "profile.release.strip=false"]
 CORE = ["--package", "algdiff-core", "--config", "profile.release.package.algdiff-core.opt-level=0", *PROFILE]
 
@@ -119,7 +121,8 @@ def main() -> int:
     for old in WORK.glob(".coverage.*"):
         old.unlink()
     pytest = ["-m", "coverage", "run", f"--rcfile={WORK}/.coveragerc", "-m", "pytest", "-q", *options.pytest]
-    paths = ["tests", str(SITE / "algdiff"), "README.md", "docs"]
+    paths = ["tests", str(SITE / "algdiff"), "README.md", "docs", "-n", "auto", "--dist", "loadfile"]
+    paths += [f"--ignore={test}" for test in TIMED]
     counted([sys.executable, *pytest, *([] if options.pytest else paths)], "python", PYTHONPATH=str(SITE))
     shares = table("Rust", rust([str(extension), *tests])), table("Python", python())
     return int(min(shares) < options.least)

@@ -141,12 +141,6 @@ impl Recurrence {
         self.a.len() - 1
     }
 
-    /// The diagonal `A_0..=A_degree` of the Jacobi matrix.
-    #[must_use]
-    pub fn diagonal(&self) -> &[f64] {
-        &self.a
-    }
-
     /// The off-diagonal `B_1..=B_degree` of the Jacobi matrix.
     #[must_use]
     pub fn off_diagonal(&self) -> &[f64] {

@@ -75,12 +75,6 @@ impl<T: Sample> Moments<T> {
         self.tables.error_bound
     }
 
-    /// Blocks, groups and degree.
-    #[must_use]
-    pub fn shape(&self) -> Shape {
-        self.tables.shape
-    }
-
     pub(super) fn apply(&self, windows: Windows<'_, '_, T>, scratch: &mut Scratch<T>) -> Result<(), Error> {
         let room = &mut scratch.moments;
         room.prepare(&self.tables, 1, self.tables.stride)?;

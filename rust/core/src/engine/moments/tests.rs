@@ -66,7 +66,7 @@ fn agrees_with_the_plain_sum_within_its_bound() {
         let bound = (moments.error_bound() + 4.0 * weights.len() as f64) * f64::EPSILON * size;
         let (got, expected) = (run(&runner, &x, 0, 0, 1500), naive(&weights, &x));
         for (i, (got, expected)) in got.iter().zip(expected).enumerate() {
-            assert!((got - expected).abs() <= bound, "{} {i} {:?}", weights.len(), moments.shape());
+            assert!((got - expected).abs() <= bound, "{} {i} {:?}", weights.len(), moments.tables.shape);
         }
     }
 }
@@ -185,10 +185,10 @@ fn every_width_agrees<T: Sample>(eps: f64) {
         let check = |register: &str, [row, lanes]: [Vec<T>; 2]| {
             for (i, (got, expected)) in row.iter().zip(&expected).enumerate() {
                 let error = (got.to_f64() - expected).abs();
-                assert!(error <= bound, "{register}: {} {i} {error:e} {:?}", weights.len(), moments.shape());
+                assert!(error <= bound, "{register}: {} {i} {error:e} {:?}", weights.len(), moments.tables.shape);
             }
             let same = lanes.iter().enumerate().all(|(at, value)| *value == row[at / T::LANES]);
-            assert!(same, "{register}: {} lanes {:?}", weights.len(), moments.shape());
+            assert!(same, "{register}: {} lanes {:?}", weights.len(), moments.tables.shape);
         };
         macro_rules! on {
             ($name:literal, $simd:expr) => {
