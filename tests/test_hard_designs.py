@@ -96,6 +96,12 @@ def test_rules_on_a_single_cell_keep_constants(rule: str, length: int) -> None:
             assert abs(ours.weights[1] - (kappa + 1) / (kappa + mu + 2)) <= 64 * EPS
 
 
+@pytest.mark.parametrize("rule", ["exact", "cell"])
+def test_one_sample_alone_stays_itself(rule: str) -> None:
+    for kappa, mu in [(-0.9, 9), (9, -0.9), (-0.5, 30), (30, -0.5), (100, 2), (-0.99, -0.99), (0.1, 0.7)]:
+        assert design(1, 0, degree=0, kappa=kappa, mu=mu, rule=rule).weights.tolist() == [1.0]
+
+
 def test_kernels_have_finite_norms_or_are_refused() -> None:
     refused = 0
     for degree in (100, 200, 500):

@@ -161,7 +161,7 @@ def test_a_constant_is_exactly_zero_or_itself(
     made: Made, mode: str, engine: str, value: float, data: st.DataObject
 ) -> None:
     assume(mode not in ("fit", "nan", "constant") or made.d.deriv)
-    assume(made.d.deriv or made.d.window_length > 1)  # one sample alone is multiplied by its weight
+    assume(made.d.deriv or made.d.window_length > 1 or engine == "direct")  # one sample alone has no differences
     dtype = data.draw(st.sampled_from([np.float64, np.float32, np.int64, np.complex128]))
     x = np.full(made.d.window_length + 9, int(value) % 1000 if dtype is np.int64 else value).astype(dtype)
     found = made.again(engine=engine)(x, mode=mode, cval=x[0].item())

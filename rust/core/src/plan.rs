@@ -61,6 +61,13 @@ impl Plan {
             }
             (fit, weights) = design_on(kept.clone())?;
         }
+        if design.deriv == 0
+            && design.keeps_constants()
+            && let [only] = weights.as_mut_slice()
+        {
+            // What is estimated from one sample is that sample, to the bit.
+            *only = 1.0;
+        }
         let exactness = match design.rule {
             // By symmetry the middle gains its degree also where the window is too short for the larger fit.
             Rule::Exact if symmetric => Some(kernel.exactness()),
