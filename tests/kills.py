@@ -17,8 +17,9 @@ CALL = {"window_length": 4001, "engine": "direct", "threads": 1, "memory": 1 << 
 """Heavy for its bytes, and in blocks as short as a window allows: with the samples above about a hundred."""
 
 CHILD = """
-import json, sys
+import json, signal, sys
 import algdiff
+signal.signal(signal.SIGINT, signal.default_int_handler)
 from algdiff import _file_run, _places
 from algdiff._formats import chunks
 source, target, words = sys.argv[1], sys.argv[2], json.loads(sys.argv[3])

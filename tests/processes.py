@@ -13,6 +13,8 @@ import os, signal, threading, time
 import numpy as np
 import algdiff
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # which a background shell may have switched off
+
 def direct(window_length):
     return algdiff.Differentiator(window_length, engine="direct")
 

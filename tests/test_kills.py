@@ -349,6 +349,14 @@ def test_ctrl_c_keeps_what_is_finished(tmp_path: Path, by_command: bool) -> None
     assert set(os.listdir(tmp_path)) == {"x.npy", "y.npy"}
 
 
+@pytest.fixture
+def hears_ctrl_c() -> Iterator[None]:
+    """Let Ctrl-C be heard, which a background shell may have switched off."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 class Pressed(threading.Condition):
     """What threads wait for; once Ctrl-C is pressed where it has just been locked."""
 
@@ -362,6 +370,7 @@ class Pressed(threading.Condition):
         return locked
 
 
+@pytest.mark.usefixtures("hears_ctrl_c")
 @pytest.mark.parametrize("count", [1, 2, 5, 6, 40])
 def test_ctrl_c_leaves_nothing_locked(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is heard after the step in which it came: else a thread may wait for ever for what the main one has locked."""
@@ -400,6 +409,7 @@ def test_what_ctrl_c_did_before_is_done() -> None:
     assert content(Path("y.npy")) == content(Path("z.npy"))
 
 
+@pytest.mark.usefixtures("hears_ctrl_c")
 def test_the_second_ctrl_c_acts_at_once() -> None:
     def progress(_: float) -> None:
         signal.raise_signal(signal.SIGINT)
