@@ -96,9 +96,8 @@ class Hunt:
 
     def _finish(self, *, killed: bool) -> None:
         self.finished, self.before = self.finished + 1, 0
-        if (
-            killed
-        ):  # between the last steps the journal may be left, and the first of the two names that a file then has
+        if killed:
+            # Between the last steps the journal may be left, and the first of the two names that a file then has.
             partial = Path(f"{self.target}.partial")
             for rest in (partial, partial.with_name(f"{partial.name}.journal")):
                 if rest.is_file():

@@ -21,7 +21,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 WORK = ROOT / "build" / "coverage"
 SITE, RAW, TARGET = WORK / "site", WORK / "raw", WORK / "target"
-COUNTING = {**os.environ, "RUSTFLAGS": "-C instrument-coverage", "CARGO_TARGET_DIR": str(TARGET)}
+# What runs while it is compiled counts as well, and not where cargo runs it.
+ASIDE = {"LLVM_PROFILE_FILE": str(WORK / "build-%8m.profraw")}
+COUNTING = {**os.environ, **ASIDE, "RUSTFLAGS": "-C instrument-coverage", "CARGO_TARGET_DIR": str(TARGET)}
 TIMED = ("tests/test_runtime.py", "tests/test_stream_runtime.py")
 PROFILE = ["--release", "--config", "profile.release.strip=false"]
 CORE = ["--package", "algdiff-core", "--config", "profile.release.package.algdiff-core.opt-level=0", *PROFILE]
