@@ -41,7 +41,7 @@ class Page:
 
     def __init__(self, context: Any, url: str) -> None:
         self.page = context.new_page()
-        self.page.set_default_timeout(10_000)
+        self.page.set_default_timeout(60_000)
         self.said: list[str] = []
         self.hosts: set[str] = set()
         self.page.on("console", lambda message: self.said.append(message.text) if message.type == "error" else None)
