@@ -171,6 +171,25 @@ def test_weights_next_to_overflow() -> None:
     np.testing.assert_allclose(d([0.0, 1.0, 1.0]), [1e308, 1e308, 0.0], rtol=8 * EPS)
 
 
+@pytest.mark.parametrize("length", [7, 117])
+def test_constants_where_weights_come_to_overflow(length: int) -> None:
+    # Engines add the weights up: their sums overflow where they themselves do not yet.
+    refused = []
+    for exponent in np.linspace(-310, -306, 60):
+        try:
+            d = design(length, 1, degree=6, kappa=-0.0625, mu=0, tau=0.9999847412109375, delta=10.0**exponent)
+        except ValueError as error:
+            refused.append(str(error))
+            continue
+        for x in [np.full(length + 10, 1e9), np.full((length + 10, 3), 1e9)]:
+            np.testing.assert_array_equal(d(x, axis=0), 0)
+    assert 0 < len(refused) < 60
+    assert all(error.startswith("delta must be ") for error in refused)
+    # 1, -2, 1: their sums are finite, and the middle is not.
+    with pytest.raises(ValueError, match="delta must be large enough for weights that are finite"):
+        design(3, 2, degree=2, delta=1e-154)
+
+
 @pytest.mark.parametrize("name", ["kappa", "mu", "tau", "delay", "delta", "fs"])
 @pytest.mark.parametrize("value", [True, np.True_])
 def test_truth_is_no_real_number(name: str, value: Any) -> None:

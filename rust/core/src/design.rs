@@ -128,13 +128,18 @@ impl Design {
     }
 
     /// Weights that sum to zero run on first differences, and those that sum to one on differences to the sample nearest to
-    /// the estimate; rules that leak offsets must go on leaking them.
+    /// the estimate; rules that leak offsets must go on leaking them. Sums of weights may overflow where no weight does.
     pub(crate) fn taps(&self, weights: &[f64], position: f64) -> Result<Taps, Error> {
-        if !self.keeps_constants() || (self.deriv == 0 && weights.len() == 1) {
-            return Taps::plain(weights);
+        let taps = if !self.keeps_constants() || (self.deriv == 0 && weights.len() == 1) {
+            Taps::plain(weights)?
+        } else {
+            let nearest = position.round().clamp(0.0, (weights.len() - 1) as f64) as usize;
+            Taps::on_differences(weights, (self.deriv == 0).then_some(nearest))?
+        };
+        if weights.iter().all(|w| w.is_finite()) && taps.are_finite() {
+            return Ok(taps);
         }
-        let nearest = position.round().clamp(0.0, (weights.len() - 1) as f64) as usize;
-        Taps::on_differences(weights, (self.deriv == 0).then_some(nearest))
+        Err(Error::argument("delta", self.delta, "large enough for weights that are finite, and their sums"))
     }
 }
 

@@ -75,9 +75,6 @@ impl Plan {
             _ => measured_exactness(&kernel, |j| design.tau(j, &kept), &weights),
         };
         weights.iter_mut().for_each(|w| *w *= unit);
-        if !weights.iter().all(|w| w.is_finite()) {
-            return Err(Error::argument("delta", design.delta, "large enough for weights that are finite"));
-        }
         let position = design.position(kernel.tau(), &kept);
         let at_tau = design.taps(&weights, position)?;
         let plan = Self {

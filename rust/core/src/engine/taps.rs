@@ -83,6 +83,10 @@ impl Taps {
         scaled * difference + self.anchor.map_or(Complex::new(0.0, 0.0), |anchor| power(anchor as f64))
     }
 
+    pub(crate) fn are_finite(&self) -> bool {
+        self.double.iter().all(|tap| tap.is_finite())
+    }
+
     /// The power of two by which sums are multiplied.
     #[must_use]
     pub fn scale(&self) -> f64 {
