@@ -27,7 +27,8 @@ lint: ## formatters, linters, types and stubs; needs `make dev`
 
 # The unit tests are compiled without optimisation, which takes a quarter of the time; what users get is tested by the rest.
 test-rust: ## tests of the core
-	cargo test --workspace --release --lib --config 'profile.release.package.algdiff-core.opt-level=0'
+	cargo test --workspace --release --lib --config 'profile.release.package.algdiff-core.opt-level=0' \
+	    --config 'profile.release.package.algdiff-py.opt-level=0'
 	cargo test --workspace --release --test parts --test properties --test stream
 	cargo test --workspace --release --doc
 	cargo run --release --example control_loop
@@ -44,9 +45,11 @@ docs: ## the documentation in build/docs: examples run, links are checked, warni
 	ALGDIFF_DOCS=build/docs $(PYTHON) -m pytest -q tests/test_docs.py
 
 test: ## the README's test command: install, then test
-	$(PYTHON) -m pip install '.[test]' && $(PYTHON) -m pytest -n auto --dist loadfile
+	$(PYTHON) -m pip install '.[test]' && $(PYTHON) -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
-check: dev lint test-rust docs test ## all that continuous integration does
+check: dev ## all that continuous integration does
+	$(MAKE) --jobs 3 $(if $(filter output-sync,$(.FEATURES)),--output-sync=target) lint test-rust docs
+	$(MAKE) test
 
 bench: ## speed against the targets and the peers, and the choice of the engine; results are checked first
 	$(PYTHON) benches/peers.py
