@@ -149,7 +149,7 @@ def test_files_that_are_named_exist(path: Path) -> None:
 @pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.name)
 def test_workflows_only_call_make_and_pinned_actions(path: Path) -> None:
     installs = r"python -m pip install -r tools/requirements.txt|cargo install --locked cargo-deny --version [\d.]+"
-    others = rf"{installs}|rustc --version --verbose|python -VV"
+    others = rf"{installs}|sudo apt-get install --yes valgrind|rustc --version --verbose|python -VV"
     allowed = rf"make [a-z-]+( [A-Z]+=\"[^\"]+\")*|{others}"
     assert [line for line in re.findall(r"run: (.*)", text(path)) if not re.fullmatch(allowed, line)] == []
     uses = re.findall(r"uses: (.*)", text(path))
@@ -161,5 +161,8 @@ def test_workflows_only_call_make_and_pinned_actions(path: Path) -> None:
 def test_numbers_agree() -> None:
     assert f"at most {audit.MOST} crates" in text("SECURITY.md")
     assert f"cargo-deny --version {audit.DENY}" in text(".github/workflows/ci.yml")
+    compiler = re.search(r"rustc ([\d.]+) ", text("benches/instructions.json"))
+    assert compiler
+    assert f'RUSTUP_TOOLCHAIN: "{compiler[1]}"' in text(".github/workflows/ci.yml")
     requirements = [line for line in text("tools/requirements.txt").splitlines() if line and line[0] != "#"]
     assert [line for line in requirements if not re.match(r"[a-z0-9]+==[\d.]+(;|$)", line)] == []
