@@ -58,13 +58,13 @@ def with_edges(
         values = np.array(part[..., : max(reach, LOOKED_AT)])
         found = _complex(values, reach, length, design, orders, sigma)
         count = found.shape[-1]
-        with np.errstate(invalid="ignore", over="ignore"):
-            found = (signs * scale * found)[..., ::-1] if backwards else scale * found
         # Beyond the first center they give way to the windows of the middle, so that there is no jump.
         share = np.clip((count - np.arange(count)) / (count - half + 1.0), 0.0, 1.0)
         place = slice(length - count, None) if backwards else slice(0, count)
-        share = share[::-1] if backwards else share
         with np.errstate(invalid="ignore", over="ignore"):
+            found = scale * found
+            if backwards:
+                found, share = (signs * found)[..., ::-1], share[::-1]
             out[..., place] = share * found + (1.0 - share) * out[..., place]
 
 
