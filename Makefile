@@ -19,7 +19,7 @@ fmt: ## format Rust and Python
 
 lint: ## formatters, linters, types and stubs; needs `make dev`
 	cargo fmt --all --check
-	cargo clippy --workspace --all-targets -- --deny warnings
+	cargo clippy --workspace --release --all-targets -- --deny warnings
 	ruff format --check .
 	ruff check .
 	mypy
