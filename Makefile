@@ -48,8 +48,8 @@ test: ## the README's test command: install, then test
 	$(PYTHON) -m pip install '.[test]' && $(PYTHON) -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 check: dev ## all that continuous integration does
-	$(MAKE) --jobs 3 $(if $(filter output-sync,$(.FEATURES)),--output-sync=target) lint test-rust docs
-	$(MAKE) test
+	$(MAKE) --no-print-directory --jobs 3 $(if $(filter output-sync,$(.FEATURES)),--output-sync=target) lint test-rust docs
+	$(MAKE) --no-print-directory test
 
 bench: ## speed against the targets and the peers, and the choice of the engine; results are checked first
 	$(PYTHON) benches/peers.py
